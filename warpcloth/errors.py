@@ -1,0 +1,46 @@
+"""Typed errors. Each message is one sentence: what is wrong, where, and what would be right.
+
+The command line turns :class:`InputError` into exit code 2 and :class:`SimulationError` into exit code 3.
+"""
+
+
+class WarpclothError(Exception):
+    """Base of every error that warpcloth raises on purpose."""
+
+    exit_code = 3
+
+
+class InputError(WarpclothError, ValueError):
+    """Bad input: a file, a number, a mesh, a scene, a flag."""
+
+    exit_code = 2
+
+
+class MeshError(InputError):
+    """A mesh that cannot be cloth or obstacle: unreadable, empty, non-finite, degenerate, non-manifold."""
+
+
+class SceneError(InputError):
+    """A scene file or a ``--set`` value that does not describe a scene."""
+
+
+class UsdError(InputError):
+    """A USD file that cannot be read, or is not what was asked for."""
+
+
+class MissingExtraError(WarpclothError, ImportError):
+    """An optional library is not installed; the message names the extra that brings it."""
+
+    exit_code = 2
+
+
+class SimulationError(WarpclothError):
+    """The simulation itself failed."""
+
+
+class DivergedError(SimulationError):
+    """Positions or velocities became non-finite or absurdly large."""
+
+
+class BadStartError(SimulationError):
+    """The initial state is not one that can be simulated, e.g. cloth that starts inside an obstacle."""
