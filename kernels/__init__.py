@@ -1,10 +1,10 @@
 """Warp device code: functions and kernels only, no allocation, no launches, no input or output.
 
-Every file is written once, in terms of ``real`` and ``vec3`` from :mod:`warpcloth.kernels.precision`, and imported once
-per *variant*: a precision (``float32``, ``float64``), with or without the adjoint code that gradients need. A variant is
-the same source files under another package name, e.g. ``warpcloth.kernels.float64.springs``; so only the variants that
-a program uses are ever compiled, and no kernel is written twice. (Warp's generic kernels would compile every registered
-overload in each module, and make every literal a cast.)
+Every file is written once, in terms of ``real`` and ``vec3`` from :mod:`warpcloth.kernels.precision`, and imported
+once per *variant*: a precision (``float32``, ``float64``), with or without the adjoint code that gradients need. A
+variant is the same source files under another package name, e.g. ``warpcloth.kernels.float64.springs``; so only the
+variants that a program uses are ever compiled, and no kernel is written twice. (Warp's generic kernels would compile
+every registered overload in each module, and make every literal a cast.)
 """
 
 import importlib
