@@ -1,0 +1,19 @@
+"""Cloth on the host: rest meshes, springs, pins."""
+
+from .cloth import Cloth
+from .pins import Pin, PinSpec, pin, pin_box, pin_nearest
+from .springs import BEND, KIND_NAMES, SHEAR, STRUCTURAL, SpringNetwork
+
+__all__ = [
+    "BEND",
+    "KIND_NAMES",
+    "SHEAR",
+    "STRUCTURAL",
+    "Cloth",
+    "Pin",
+    "PinSpec",
+    "SpringNetwork",
+    "pin",
+    "pin_box",
+    "pin_nearest",
+]

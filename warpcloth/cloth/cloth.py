@@ -1,0 +1,255 @@
+"""Cloth: a rest mesh with springs, masses and pins."""
+
+import reprlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import validate
+from ..errors import InputError, MeshError
+from ..fabric import Fabric
+from ..transforms import apply, as_matrix
+from .disc import disc_points, disc_triangles, rim
+from .grid import DIAGONALS, GridShape
+from .pins import Pin, resolve_pins
+from .springs import SpringNetwork, lumped_masses, mesh_springs, triangle_areas
+
+MAX_VERTICES = 1 << 24
+MAX_RINGS = 2048  # 12.6 million vertices
+
+
+@dataclass(frozen=True, eq=False)
+class Cloth:
+    """A piece of cloth on the host; all arrays are read-only.
+
+    Args:
+        name: unique within a simulation.
+        points: rest pose in world space [m], shape [n, 3].
+        triangles: counter-clockwise vertex indices, shape [m, 3], int32.
+        springs: the spring network over the n particles.
+        masses: [kg], shape [n], > 0.
+        fabric: what it is made of.
+        uvs: texture coordinates, shape [k, 2], or None.
+        uv_indices: index into ``uvs`` of each corner, shape [m, 3], or None.
+        pins: disjoint groups of held vertices.
+        velocity: initial velocity of every free particle [m/s], shape [3].
+
+    Raises:
+        InputError: on values out of range; MeshError: on vertices that no triangle gives a mass.
+    """
+
+    name: str
+    points: np.ndarray
+    triangles: np.ndarray
+    springs: SpringNetwork
+    masses: np.ndarray
+    fabric: Fabric
+    uvs: np.ndarray | None = None
+    uv_indices: np.ndarray | None = None
+    pins: tuple[Pin, ...] = ()
+    velocity: np.ndarray = (0.0, 0.0, 0.0)
+
+    def __post_init__(self):
+        label = _label(self.name)
+        points = validate.array(self.points, f"{label}: points", (None, 3))
+        triangles = validate.array(self.triangles, f"{label}: triangles", (None, 3), np.int32)
+        values = {"points": points, "triangles": triangles}
+        values["masses"] = validate.array(self.masses, f"{label}: masses", (len(points),))
+        values["velocity"] = validate.vector(self.velocity, f"{label}: velocity")
+        values["pins"] = tuple(self.pins)
+        if (self.uvs is None) != (self.uv_indices is None):
+            raise InputError(f"{_capital(label)}: uvs and uv_indices must be given together.")
+        if self.uvs is not None:
+            values["uvs"] = validate.array(self.uvs, f"{label}: uvs", (None, 2))
+            shape = (len(triangles), 3)
+            values["uv_indices"] = validate.array(self.uv_indices, f"{label}: uv_indices", shape, np.int32)
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        self._check_references(_capital(label))
+
+    @staticmethod
+    def grid(
+        size: Any = (1.0, 1.0),
+        resolution: Any = (32, 32),
+        fabric: Fabric | None = None,
+        pins: Any = None,
+        transform: Any = None,
+        name: str = "cloth",
+        velocity: Any = (0.0, 0.0, 0.0),
+        *,
+        diagonals: str = "alternate",
+    ) -> "Cloth":
+        """A rectangle in the local xy plane, centred on the origin, facing +z; vertex (i, j) has index j nx + i.
+
+        Args:
+            size: width along x and height along y [m].
+            resolution: vertices along x and along y, at least 2 each.
+            fabric: defaults to ``Fabric()``.
+            pins: vertex indices, "left", "right", "bottom", "top", corners such as "top_left", ``pin(...)``,
+                ``pin_box(...)``, ``pin_nearest(...)``, or a list of these.
+            transform: rigid 4 × 4 matrix, or translation [m].
+            diagonals: "alternate" or "same" direction of the triangles' diagonals; springs do not depend on it.
+
+        Raises:
+            InputError: on a value out of range.
+        """
+        label = _label(name)
+        width, height = _pair(size, f"{label}: size must be (width, height)")
+        width, height = (validate.number(side, f"{label}: size", above=0.0) for side in (width, height))
+        shape = GridShape(width, height, *_grid_resolution(resolution, label))
+        triangles = shape.triangles(validate.choice(diagonals, DIAGONALS, f"{label}: diagonals"))
+        fabric, flat, uvs = _fabric(fabric, label), shape.points(), shape.uvs()
+        placed = apply(_rigid(transform, label), flat)
+        return Cloth(
+            *(name, placed, triangles, shape.springs(flat, fabric), shape.masses(fabric.areal_density), fabric),
+            *(uvs, triangles, resolve_pins(pins, placed, shape.named_vertices(), label), velocity),
+        )
+
+    @staticmethod
+    def disc(
+        radius: float = 0.5,
+        resolution: int = 16,
+        fabric: Fabric | None = None,
+        pins: Any = None,
+        transform: Any = None,
+        name: str = "cloth",
+        velocity: Any = (0.0, 0.0, 0.0),
+    ) -> "Cloth":
+        """A disc in the local xy plane, centred on the origin, facing +z: rings of nearly equilateral triangles.
+
+        Args:
+            radius: [m].
+            resolution: rings around the centre, at least 1; ring i has 6 i vertices.
+            pins: as for :meth:`grid`, with the names "rim" and "center".
+            transform: rigid 4 × 4 matrix, or translation [m].
+
+        Raises:
+            InputError: on a value out of range.
+        """
+        label = _label(name)
+        radius = validate.number(radius, f"{label}: radius", above=0.0)
+        rings = validate.integer(resolution, f"{label}: resolution", minimum=1, maximum=MAX_RINGS)
+        flat, triangles, fabric = disc_points(radius, rings), disc_triangles(rings), _fabric(fabric, label)
+        placed = apply(_rigid(transform, label), flat)
+        named = {"rim": rim(rings), "center": np.zeros(1, np.int32)}
+        masses = lumped_masses(flat, triangles, fabric.areal_density)
+        return Cloth(
+            *(name, placed, triangles, mesh_springs(flat, triangles, fabric), masses, fabric),
+            *(0.5 + 0.5 * flat[:, :2] / radius, triangles, resolve_pins(pins, placed, named, label), velocity),
+        )
+
+    @staticmethod
+    def from_mesh(
+        source: Any,
+        fabric: Fabric | None = None,
+        pins: Any = None,
+        transform: Any = None,
+        name: str | None = None,
+        velocity: Any = (0.0, 0.0, 0.0),
+        *,
+        prim: str | None = None,
+    ) -> "Cloth":
+        """Cloth from a mesh file, an asset such as ``"warp:square_cloth.usd"``, or a ``trimesh.Trimesh``.
+
+        Args:
+            source: path, asset name, ``trimesh.Trimesh`` or ``TriangleMesh``; the shape read is the rest shape.
+            pins: vertex indices, ``pin_box(...)``, ``pin_nearest(...)``, or a list of these.
+            transform: 4 × 4 matrix, which may scale, or translation [m].
+            name: defaults to the name of the file or prim.
+            prim: which mesh of a USD stage, when it holds several.
+
+        Raises:
+            MeshError: when the mesh cannot be read or is no manifold; InputError: on other values out of range.
+        """
+        from ..meshes import cloth_mesh, load_mesh
+
+        mesh = load_mesh(source, prim=prim)
+        name = mesh.name if name is None else name
+        label = _label(name)
+        mesh = cloth_mesh(mesh.transformed(as_matrix(transform, f"{label}: transform")))
+        fabric = _fabric(fabric, label)
+        masses = lumped_masses(mesh.points, mesh.triangles, fabric.areal_density)
+        return Cloth(
+            *(name, mesh.points, mesh.triangles, mesh_springs(mesh.points, mesh.triangles, fabric), masses, fabric),
+            *(mesh.uvs, mesh.uv_indices, resolve_pins(pins, mesh.points, {}, label), velocity),
+        )
+
+    @property
+    def area(self) -> float:
+        """Area of the rest pose [m²]."""
+        return float(triangle_areas(self.points, self.triangles).sum())
+
+    @property
+    def mass(self) -> float:
+        """Total mass [kg]."""
+        return float(self.masses.sum())
+
+    @property
+    def pinned(self) -> np.ndarray:
+        """Indices of all held vertices, sorted, shape [k]."""
+        groups = [pin.indices for pin in self.pins]
+        return np.unique(np.concatenate(groups)) if groups else np.zeros(0, np.int32)
+
+    def _check_references(self, label: str) -> None:
+        count = len(self.points)
+        if len(self.triangles) == 0:
+            raise MeshError(f"{label}: the mesh has no triangles.")
+        if self.triangles.min() < 0 or self.triangles.max() >= count:
+            raise MeshError(f"{label}: triangles refer to vertices outside 0 to {count - 1}.")
+        light = np.flatnonzero(self.masses <= 0.0)
+        if light.size:
+            raise MeshError(f"{label}: vertex {light[0]} has no mass, so no triangle with an area holds it.")
+        if len(self.springs) and self.springs.indices.max() >= count:
+            raise InputError(f"{label}: a spring refers to vertex {self.springs.indices.max()} of {count}.")
+        if self.uvs is not None and (self.uv_indices.min() < 0 or self.uv_indices.max() >= len(self.uvs)):
+            raise MeshError(f"{label}: uv_indices refer to texture coordinates outside 0 to {len(self.uvs) - 1}.")
+        held = np.concatenate([np.zeros(0, np.int32), *(pin.indices for pin in self.pins)])
+        if held.size and (held.min() < 0 or held.max() >= count):
+            raise InputError(f"{label}: pins refer to vertices outside 0 to {count - 1}.")
+        if len(np.unique(held)) < held.size:
+            twice = np.flatnonzero(np.bincount(held) > 1)[0]
+            raise InputError(f"{label}: vertex {twice} is in two pins, of which at least one moves.")
+
+
+def _fabric(fabric: Fabric | None, label: str) -> Fabric:
+    if fabric is None:
+        return Fabric()
+    if not isinstance(fabric, Fabric):
+        raise InputError(f"{_capital(label)}: fabric must be a Fabric, got {type(fabric).__name__}.")
+    return fabric
+
+
+def _rigid(transform: Any, label: str) -> np.ndarray:
+    matrix = as_matrix(transform, f"{label}: transform")
+    turn = matrix[:3, :3]
+    if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) or np.linalg.det(turn) < 0.0:
+        raise InputError(f"{_capital(label)}: transform must only turn and move; change the size instead of scaling.")
+    return matrix
+
+
+def _grid_resolution(resolution: Any, label: str) -> tuple[int, int]:
+    nx, ny = _pair(resolution, f"{label}: resolution must be (vertices along x, vertices along y)")
+    counts = [validate.integer(n, f"{label}: resolution", minimum=-(2**62), maximum=2**62) for n in (nx, ny)]
+    if min(counts) < 2:
+        got = f"({counts[0]}, {counts[1]})"
+        raise InputError(f"{_capital(label)}: resolution must be at least 2 × 2 vertices, got {got}.")
+    if counts[0] * counts[1] > MAX_VERTICES:
+        total = f"{counts[0]} × {counts[1]} = {counts[0] * counts[1]:,}"
+        raise InputError(f"{_capital(label)}: resolution must be at most {MAX_VERTICES:,} vertices, got {total}.")
+    return counts[0], counts[1]
+
+
+def _pair(value: Any, rule: str) -> tuple[Any, Any]:
+    items = list(value) if isinstance(value, tuple | list | np.ndarray) and np.ndim(value) else []
+    if len(items) != 2:
+        raise InputError(f"{_capital(rule)}, got {reprlib.repr(value)}.")
+    return items[0], items[1]
+
+
+def _label(name: Any) -> str:
+    return f"cloth '{validate.text(name, 'cloth: name')}'"
+
+
+def _capital(label: str) -> str:
+    return label[:1].upper() + label[1:]

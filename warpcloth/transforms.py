@@ -1,0 +1,60 @@
+"""Rigid and affine transforms of points, in column-vector convention: ``x' = A x + b``."""
+
+from typing import Any
+
+import numpy as np
+
+from . import validate
+from .errors import InputError
+
+
+def rotation_matrix(rotation: np.ndarray) -> np.ndarray:
+    """Rotation by |rotation| radians about the vector ``rotation``, shape (3, 3) (Rodrigues' formula)."""
+    angle = float(np.linalg.norm(rotation))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = np.asarray(rotation) / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + 2.0 * np.sin(0.5 * angle) ** 2 * (cross @ cross)
+
+
+def as_matrix(transform: Any, what: str) -> np.ndarray:
+    """A 4 × 4 affine matrix from None (identity), a translation of three numbers [m], or a 4 × 4 matrix.
+
+    Raises:
+        InputError: when it is none of these, not affine, or flattens space.
+    """
+    matrix = np.eye(4)
+    if transform is None:
+        return matrix
+    if np.shape(transform) == (3,) if _is_regular(transform) else False:
+        matrix[:3, 3] = validate.vector(transform, what)
+        return matrix
+    matrix = np.array(validate.array(transform, f"{what} (a translation of 3 numbers or a 4 × 4 matrix)", (4, 4)))
+    if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0)):
+        raise InputError(f"{what[:1].upper()}{what[1:]} must have (0, 0, 0, 1) as its last row, got {matrix[3]}.")
+    if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
+        raise InputError(f"{what[:1].upper()}{what[1:]} flattens space: its upper-left 3 × 3 block is singular.")
+    return matrix
+
+
+def placement(position: Any = (0.0, 0.0, 0.0), rotation: Any = (0.0, 0.0, 0.0), scale: Any = 1.0) -> np.ndarray:
+    """The 4 × 4 matrix that scales, then rotates (rotation vector [rad]), then moves [m]."""
+    matrix = np.eye(4)
+    turn = rotation_matrix(validate.vector(rotation, "rotation"))
+    matrix[:3, :3] = turn * validate.number(scale, "scale", above=0.0)
+    matrix[:3, 3] = validate.vector(position, "position")
+    return matrix
+
+
+def apply(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Transforms points (n, 3) by a 4 × 4 affine matrix."""
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _is_regular(value: Any) -> bool:
+    try:
+        np.shape(value)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,129 @@
+"""Checks of user-supplied values: each returns the value in its final type or raises one clear :class:`InputError`.
+
+``what`` names the value for the reader, e.g. ``"cloth 'flag': size"``; it begins the message.
+"""
+
+import difflib
+import operator
+import reprlib
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError
+
+LARGEST = 1e12  # beyond this no SI quantity of cloth is meant, and products would overflow
+
+
+def number(value: Any, what: str, *, above: float | None = None, minimum: float | None = None, maximum=LARGEST) -> float:
+    """A finite float, ``> above`` or ``>= minimum``, and ``<= maximum``."""
+    low = -LARGEST if minimum is None else minimum
+    try:
+        result = float("nan") if isinstance(value, str | bytes | bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        result = float("nan")
+    if not low <= result <= maximum or (above is not None and not result > above):
+        raise InputError(f"{_sentence(what)} must be {_range(above, minimum, maximum)}, got {reprlib.repr(value)}.")
+    return result
+
+
+def integer(value: Any, what: str, *, minimum: int, maximum: int) -> int:
+    """An int in [minimum, maximum]; floats and booleans are refused rather than rounded."""
+    try:
+        result = minimum - 1 if isinstance(value, bool | np.bool_) else operator.index(value)
+    except TypeError:
+        result = minimum - 1
+    if not minimum <= result <= maximum:
+        got = reprlib.repr(value)
+        raise InputError(f"{_sentence(what)} must be a whole number from {minimum} to {maximum}, got {got}.")
+    return result
+
+
+def array(value: Any, what: str, shape: tuple[int | None, ...], dtype=np.float64) -> np.ndarray:
+    """A read-only, C-contiguous, finite copy with the given shape (``None``: any length)."""
+    words = " × ".join("any" if n is None else str(n) for n in shape)
+    kind = "integers" if np.issubdtype(dtype, np.integer) else "numbers"
+    try:
+        raw = np.asarray(value)
+        if raw.dtype.kind not in "iuf" and raw.size:
+            raise TypeError
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{_sentence(what)} must be {words} {kind}, got {reprlib.repr(value)}."
+        ) from None
+    if raw.size == 0 and None in shape:
+        raw = np.zeros([0 if n is None else n for n in shape], dtype)
+    if raw.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, raw.shape, strict=True)):
+        raise InputError(f"{_sentence(what)} must be {words} {kind}, got an array of shape {raw.shape}.")
+    return _converted(raw, what, dtype)
+
+
+def vector(value: Any, what: str) -> np.ndarray:
+    """Three finite numbers, read-only float64 [3]."""
+    return array(value, what, (3,))
+
+
+def color(value: Any, what: str) -> tuple[float, float, float]:
+    """Linear red, green, blue, each in [0, 1]."""
+    rgb = vector(value, what)
+    if rgb.min() < 0.0 or rgb.max() > 1.0:
+        raise InputError(f"{_sentence(what)} must be red, green, blue from 0 to 1, got {reprlib.repr(value)}.")
+    return tuple(float(c) for c in rgb)
+
+
+def text(value: Any, what: str) -> str:
+    """A non-empty printable string."""
+    if not isinstance(value, str) or not value.strip() or not value.isprintable():
+        raise InputError(f"{_sentence(what)} must be a non-empty printable text, got {reprlib.repr(value)}.")
+    return value
+
+
+def flag(value: Any, what: str) -> bool:
+    """True or False, nothing that merely behaves like it."""
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{_sentence(what)} must be true or false, got {reprlib.repr(value)}.")
+    return bool(value)
+
+
+def choice(value: Any, options: Iterable[str], what: str) -> str:
+    """One of ``options``; the message proposes the closest."""
+    names = list(options)
+    if isinstance(value, str) and value in names:
+        return value
+    known = ", ".join(f"'{name}'" for name in names)
+    raise InputError(f"{_sentence(what)} must be one of {known}, got {reprlib.repr(value)}{did_you_mean(value, names)}.")
+
+
+def did_you_mean(value: Any, options: Sequence[str]) -> str:
+    """``"; did you mean 'x'?"`` without the question mark, or nothing when no option is close."""
+    close = difflib.get_close_matches(str(value), list(options), n=1)
+    return f" (did you mean '{close[0]}'?)" if close else ""
+
+
+def _converted(raw: np.ndarray, what: str, dtype) -> np.ndarray:
+    if np.issubdtype(dtype, np.integer):
+        bounds = np.iinfo(dtype)
+        if raw.dtype.kind == "f" and raw.size:
+            raise InputError(f"{_sentence(what)} must be integers, got {reprlib.repr(raw.flat[0])}.")
+        if raw.size and (raw.min() < bounds.min or raw.max() > bounds.max):
+            raise InputError(f"{_sentence(what)} must fit {bounds.bits}-bit integers, got {raw.min()} to {raw.max()}.")
+    else:
+        bad = np.flatnonzero(~(np.abs(raw) <= LARGEST))  # also catches NaN
+        if bad.size:
+            where = f" at index {bad[0] // max(1, raw[0].size)}" if raw.ndim > 1 else ""
+            raise InputError(f"{_sentence(what)} must be finite numbers up to 1e12, got {raw.flat[bad[0]]}{where}.")
+    result = np.array(raw, dtype=dtype, order="C")
+    result.flags.writeable = False
+    return result
+
+
+def _range(above: float | None, minimum: float | None, maximum: float) -> str:
+    upper = "" if maximum >= LARGEST else f" and at most {maximum:g}"
+    if above is not None:
+        return f"a number greater than {above:g}{upper}"
+    return f"a number of at least {minimum:g}{upper}" if minimum is not None else f"a finite number{upper}"
+
+
+def _sentence(what: str) -> str:
+    return what[:1].upper() + what[1:]
