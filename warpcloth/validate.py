@@ -16,7 +16,9 @@ from .errors import InputError
 LARGEST = 1e12  # beyond this no SI quantity of cloth is meant, and products would overflow
 
 
-def number(value: Any, what: str, *, above: float | None = None, minimum: float | None = None, maximum=LARGEST) -> float:
+def number(
+    value: Any, what: str, *, above: float | None = None, minimum: float | None = None, maximum=LARGEST
+) -> float:
     """A finite float, ``> above`` or ``>= minimum``, and ``<= maximum``."""
     low = -LARGEST if minimum is None else minimum
     try:
@@ -49,9 +51,7 @@ def array(value: Any, what: str, shape: tuple[int | None, ...], dtype=np.float64
         if raw.dtype.kind not in "iuf" and raw.size:
             raise TypeError
     except (TypeError, ValueError):
-        raise InputError(
-            f"{_sentence(what)} must be {words} {kind}, got {reprlib.repr(value)}."
-        ) from None
+        raise InputError(f"{_sentence(what)} must be {words} {kind}, got {reprlib.repr(value)}.") from None
     if raw.size == 0 and None in shape:
         raw = np.zeros([0 if n is None else n for n in shape], dtype)
     if raw.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, raw.shape, strict=True)):
@@ -92,7 +92,9 @@ def choice(value: Any, options: Iterable[str], what: str) -> str:
     if isinstance(value, str) and value in names:
         return value
     known = ", ".join(f"'{name}'" for name in names)
-    raise InputError(f"{_sentence(what)} must be one of {known}, got {reprlib.repr(value)}{did_you_mean(value, names)}.")
+    raise InputError(
+        f"{_sentence(what)} must be one of {known}, got {reprlib.repr(value)}{did_you_mean(value, names)}."
+    )
 
 
 def did_you_mean(value: Any, options: Sequence[str]) -> str:

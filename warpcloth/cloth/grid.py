@@ -73,7 +73,7 @@ class GridShape:
         """Structural, shear and bend springs for a fabric; at rest at ``points``.
 
         Per area, springs along x add k_x/dy to the tensor component C_xx of the sheet, the two diagonals of length d
-        add k_d 2 dx dy/d³ to C_xyxy, and so on. Asking for Young's modulus Y along x and along y and shear modulus G gives
+        add k_d 2 dx dy/d³ to C_xyxy, and so on. Asking for Young's modulus Y along x and y and shear modulus G gives
         k_d = G d³/(2 dx dy), k_x = dy (C − G dx²/dy²), k_y = dx (C − G dy²/dx²) with C = (Y + √(Y² + 4 G²))/2; for
         square cells k_x = a (C − G) and k_d = √2 a G. Springs on the border own half a cell and have half of it.
         Where cells are so long that k_x or k_y would vanish, G is lowered and Y kept.
@@ -102,7 +102,7 @@ class GridShape:
 def sheet_moduli(fabric: Fabric, aspect: float) -> tuple[float, float]:
     """Tensor components (C_xx, G) [N/m] that a grid with cells ``aspect`` >= 1 times as long as wide can have.
 
-    Long springs keep at least the share f = (1 − aspect⁻⁴)/10 of C_xx, which bounds G from above by (1 − f) C_xx/aspect².
+    Long springs keep at least the share f = (1 − aspect⁻⁴)/10 of C_xx, which bounds G by (1 − f) C_xx/aspect².
     """
     young, shear = fabric.stretch_stiffness, fabric.shear_stiffness
     share = (1.0 - 0.1 * (1.0 - aspect**-4)) / aspect**2
