@@ -9,6 +9,7 @@ import numpy as np
 from . import validate
 from .errors import InputError
 from .transforms import rotation_matrix
+from .validate import Array
 
 INTERPOLATIONS = ("linear", "smooth")
 
@@ -32,11 +33,11 @@ class Motion:
         InputError: on unequal lengths, times that do not increase, or values that are not finite.
     """
 
-    times: np.ndarray
-    positions: np.ndarray
-    rotations: np.ndarray
+    times: Array
+    positions: Array
+    rotations: Array
     interpolation: str = "linear"
-    pivot: np.ndarray | None = None
+    pivot: Array | None = None
     loop: bool = False
 
     def __post_init__(self):
@@ -66,7 +67,9 @@ class Motion:
         return Motion((0.0,), ((0.0, 0.0, 0.0),), ((0.0, 0.0, 0.0),))
 
     @staticmethod
-    def keyframes(keys: Iterable[Sequence[Any]], *, interpolation="linear", pivot=None, loop=False) -> "Motion":
+    def keyframes(
+        keys: Iterable[Sequence[Any]], *, interpolation: str = "linear", pivot: Any = None, loop: bool = False
+    ) -> "Motion":
         """Motion from keys ``(time, position)`` or ``(time, position, rotation)``, in [s], [m], [rad]."""
         zero = (0.0, 0.0, 0.0)
         rows = [tuple(key) for key in keys] if isinstance(keys, Iterable) else []
@@ -79,7 +82,7 @@ class Motion:
         return Motion(times, positions, rotations, interpolation, pivot, loop)
 
     @staticmethod
-    def spin(axis: Any, period: float, *, pivot=None) -> "Motion":
+    def spin(axis: Any, period: float, *, pivot: Any = None) -> "Motion":
         """Endless uniform rotation about ``axis``, one turn in ``period`` seconds."""
         direction = validate.vector(axis, "motion: axis")
         length = np.linalg.norm(direction)

@@ -9,6 +9,7 @@ from . import validate
 from .errors import InputError, MeshError
 from .motion import Motion
 from .transforms import apply, as_matrix
+from .validate import Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -74,8 +75,8 @@ class Obstacle:
 class Plane(Obstacle):
     """The half-space below a plane through ``point`` [m] with outward ``normal`` (normalised on construction)."""
 
-    point: np.ndarray = (0.0, 0.0, 0.0)
-    normal: np.ndarray = (0.0, 0.0, 1.0)
+    point: Array = (0.0, 0.0, 0.0)
+    normal: Array = (0.0, 0.0, 1.0)
     name: str = field(default="plane", kw_only=True)
 
     def __post_init__(self):
@@ -98,7 +99,7 @@ class Plane(Obstacle):
 class Sphere(Obstacle):
     """A ball with ``center`` [m] and ``radius`` [m]."""
 
-    center: np.ndarray = (0.0, 0.0, 0.0)
+    center: Array = (0.0, 0.0, 0.0)
     radius: float = 0.5
     name: str = field(default="sphere", kw_only=True)
 
@@ -118,8 +119,8 @@ class Sphere(Obstacle):
 class Capsule(Obstacle):
     """All points within ``radius`` [m] of the segment from ``start`` to ``end`` [m]."""
 
-    start: np.ndarray = (0.0, 0.0, -0.5)
-    end: np.ndarray = (0.0, 0.0, 0.5)
+    start: Array = (0.0, 0.0, -0.5)
+    end: Array = (0.0, 0.0, 0.5)
     radius: float = 0.25
     name: str = field(default="capsule", kw_only=True)
 
@@ -142,9 +143,9 @@ class Capsule(Obstacle):
 class Box(Obstacle):
     """A box with ``center`` [m], full edge lengths ``size`` [m], turned by the rotation vector ``rotation`` [rad]."""
 
-    center: np.ndarray = (0.0, 0.0, 0.0)
-    size: np.ndarray = (1.0, 1.0, 1.0)
-    rotation: np.ndarray = (0.0, 0.0, 0.0)
+    center: Array = (0.0, 0.0, 0.0)
+    size: Array = (1.0, 1.0, 1.0)
+    rotation: Array = (0.0, 0.0, 0.0)
     name: str = field(default="box", kw_only=True)
 
     def __post_init__(self):
@@ -177,10 +178,10 @@ class MeshObstacle(Obstacle):
         InputError: on values out of range; MeshError: on an empty, non-finite or degenerate mesh.
     """
 
-    points: np.ndarray = ()
-    triangles: np.ndarray = ()
-    sample_times: np.ndarray | None = None
-    sample_points: np.ndarray | None = None
+    points: Array = ()
+    triangles: Array = ()
+    sample_times: Array | None = None
+    sample_points: Array | None = None
     name: str = field(default="mesh", kw_only=True)
 
     def __post_init__(self):
@@ -225,7 +226,7 @@ class MeshObstacle(Obstacle):
 
     def points_at(self, t: float) -> np.ndarray:
         """Vertices at time ``t`` [s], shape [n, 3]."""
-        if self.sample_times is None:
+        if self.sample_times is None or self.sample_points is None:
             return self.points if self.motion is None else apply(self.matrix(t), self.points)
         last = len(self.sample_times) - 1
         index = int(np.clip(np.searchsorted(self.sample_times, t, side="right") - 1, 0, max(0, last - 1)))

@@ -7,17 +7,20 @@ import difflib
 import operator
 import reprlib
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from .errors import InputError
 
+# Annotates fields that take any array-like and then hold a read-only array: static types cannot say both.
+Array: TypeAlias = Any
+
 LARGEST = 1e12  # beyond this no SI quantity of cloth is meant, and products would overflow
 
 
 def number(
-    value: Any, what: str, *, above: float | None = None, minimum: float | None = None, maximum=LARGEST
+    value: Any, what: str, *, above: float | None = None, minimum: float | None = None, maximum: float = LARGEST
 ) -> float:
     """A finite float, ``> above`` or ``>= minimum``, and ``<= maximum``."""
     low = -LARGEST if minimum is None else minimum
@@ -42,7 +45,7 @@ def integer(value: Any, what: str, *, minimum: int, maximum: int) -> int:
     return result
 
 
-def array(value: Any, what: str, shape: tuple[int | None, ...], dtype=np.float64) -> np.ndarray:
+def array(value: Any, what: str, shape: tuple[int | None, ...], dtype: Any = np.float64) -> np.ndarray:
     """A read-only, C-contiguous, finite copy with the given shape (``None``: any length)."""
     words = " × ".join("any" if n is None else str(n) for n in shape)
     kind = "integers" if np.issubdtype(dtype, np.integer) else "numbers"
@@ -66,10 +69,10 @@ def vector(value: Any, what: str) -> np.ndarray:
 
 def color(value: Any, what: str) -> tuple[float, float, float]:
     """Linear red, green, blue, each in [0, 1]."""
-    rgb = vector(value, what)
-    if rgb.min() < 0.0 or rgb.max() > 1.0:
+    red, green, blue = vector(value, what).tolist()
+    if min(red, green, blue) < 0.0 or max(red, green, blue) > 1.0:
         raise InputError(f"{_sentence(what)} must be red, green, blue from 0 to 1, got {reprlib.repr(value)}.")
-    return tuple(float(c) for c in rgb)
+    return red, green, blue
 
 
 def text(value: Any, what: str) -> str:
@@ -103,7 +106,7 @@ def did_you_mean(value: Any, options: Sequence[str]) -> str:
     return f" (did you mean '{close[0]}'?)" if close else ""
 
 
-def _converted(raw: np.ndarray, what: str, dtype) -> np.ndarray:
+def _converted(raw: np.ndarray, what: str, dtype: Any) -> np.ndarray:
     if np.issubdtype(dtype, np.integer):
         bounds = np.iinfo(dtype)
         if raw.dtype.kind == "f" and raw.size:

@@ -10,6 +10,7 @@ from .. import validate
 from ..errors import InputError, MeshError
 from ..fabric import Fabric
 from ..transforms import apply, as_matrix
+from ..validate import Array
 from .disc import disc_points, disc_triangles, rim
 from .grid import DIAGONALS, GridShape
 from .pins import Pin, resolve_pins
@@ -40,21 +41,21 @@ class Cloth:
     """
 
     name: str
-    points: np.ndarray
-    triangles: np.ndarray
+    points: Array
+    triangles: Array
     springs: SpringNetwork
-    masses: np.ndarray
+    masses: Array
     fabric: Fabric
-    uvs: np.ndarray | None = None
-    uv_indices: np.ndarray | None = None
+    uvs: Array | None = None
+    uv_indices: Array | None = None
     pins: tuple[Pin, ...] = ()
-    velocity: np.ndarray = (0.0, 0.0, 0.0)
+    velocity: Array = (0.0, 0.0, 0.0)
 
     def __post_init__(self):
         label = _label(self.name)
         points = validate.array(self.points, f"{label}: points", (None, 3))
         triangles = validate.array(self.triangles, f"{label}: triangles", (None, 3), np.int32)
-        values = {"points": points, "triangles": triangles}
+        values: dict[str, Any] = {"points": points, "triangles": triangles}
         values["masses"] = validate.array(self.masses, f"{label}: masses", (len(points),))
         values["velocity"] = validate.vector(self.velocity, f"{label}: velocity")
         values["pins"] = tuple(self.pins)
@@ -202,8 +203,10 @@ class Cloth:
             raise MeshError(f"{label}: vertex {light[0]} has no mass, so no triangle with an area holds it.")
         if len(self.springs) and self.springs.indices.max() >= count:
             raise InputError(f"{label}: a spring refers to vertex {self.springs.indices.max()} of {count}.")
-        if self.uvs is not None and (self.uv_indices.min() < 0 or self.uv_indices.max() >= len(self.uvs)):
-            raise MeshError(f"{label}: uv_indices refer to texture coordinates outside 0 to {len(self.uvs) - 1}.")
+        if self.uvs is not None and self.uv_indices is not None:
+            last = len(self.uvs) - 1
+            if self.uv_indices.min() < 0 or self.uv_indices.max() > last:
+                raise MeshError(f"{label}: uv_indices refer to texture coordinates outside 0 to {last}.")
         held = np.concatenate([np.zeros(0, np.int32), *(pin.indices for pin in self.pins)])
         if held.size and (held.min() < 0 or held.max() >= count):
             raise InputError(f"{label}: pins refer to vertices outside 0 to {count - 1}.")

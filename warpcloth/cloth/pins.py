@@ -1,6 +1,6 @@
 """Pins: which vertices of a cloth are held, and how they move."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 from .. import validate
 from ..errors import InputError
 from ..motion import Motion
+from ..validate import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +21,7 @@ class Pin:
         motion: rigid motion, about the centroid of the pin unless it has its own pivot; None: held still.
     """
 
-    indices: np.ndarray
+    indices: Array
     motion: Motion | None = None
 
     def __post_init__(self):
@@ -123,7 +124,7 @@ def _select(select: Any, points: np.ndarray, named: Mapping[str, np.ndarray], la
         return np.asarray(named[validate.choice(select, named, what)])
     if isinstance(select, list | tuple) and any(isinstance(item, str) for item in select):
         return np.unique(np.concatenate([_select(item, points, named, label) for item in select]))
-    chosen = select(points) if isinstance(select, Callable) else select
+    chosen = select(points) if callable(select) else select
     indices = np.unique(validate.array(np.atleast_1d(chosen), what, (None,), np.int32))
     if indices.size == 0:
         raise InputError(f"{what[:1].upper()}{what[1:]} name no vertex.")

@@ -12,6 +12,7 @@ import numpy as np
 from .. import validate
 from ..errors import InputError
 from ..fabric import Fabric
+from ..validate import Array
 
 STRUCTURAL, SHEAR, BEND = 0, 1, 2
 KIND_NAMES = ("structural", "shear", "bend")
@@ -32,11 +33,11 @@ class SpringNetwork:
         InputError: on unequal lengths, values out of range, or a spring from a particle to itself.
     """
 
-    indices: np.ndarray
-    rest_lengths: np.ndarray
-    stiffness: np.ndarray
-    damping: np.ndarray
-    kinds: np.ndarray
+    indices: Array
+    rest_lengths: Array
+    stiffness: Array
+    damping: Array
+    kinds: Array
 
     def __post_init__(self):
         indices = validate.array(self.indices, "springs: indices", (None, 2), np.int32)
@@ -61,7 +62,9 @@ class SpringNetwork:
         return len(self.indices)
 
     @staticmethod
-    def from_pairs(pairs: np.ndarray, points: np.ndarray, stiffness: np.ndarray, kind: int, damping_time: float):
+    def from_pairs(
+        pairs: np.ndarray, points: np.ndarray, stiffness: np.ndarray, kind: int, damping_time: float
+    ) -> "SpringNetwork":
         """Springs at rest between ``points`` with k_s = ``stiffness`` [N] and k_d = ``damping_time`` k_s."""
         lengths = np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
         k_s = np.broadcast_to(np.asarray(stiffness, float), lengths.shape)
@@ -112,7 +115,14 @@ def mesh_springs(points: np.ndarray, triangles: np.ndarray, fabric: Fabric) -> S
     return SpringNetwork.joined(parts)
 
 
-def _across_edges(points, triangles, edges, owner, edge_area, fabric: Fabric) -> SpringNetwork:
+def _across_edges(
+    points: np.ndarray,
+    triangles: np.ndarray,
+    edges: np.ndarray,
+    owner: np.ndarray,
+    edge_area: np.ndarray,
+    fabric: Fabric,
+) -> SpringNetwork:
     """One bend spring for each interior edge whose opposite vertices are apart and not joined already."""
     order = np.argsort(owner, kind="stable")
     first = np.searchsorted(owner[order], np.flatnonzero(np.bincount(owner) == 2))
