@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 
 from . import validate
-from .errors import InputError, MeshError
+from .errors import InputError
+from .meshes import load_mesh, obstacle_mesh
+from .meshes.check import check_areas, checked_arrays
 from .motion import Motion
 from .transforms import apply, as_matrix
 from .validate import Array
@@ -170,7 +172,7 @@ class MeshObstacle(Obstacle):
 
     Args:
         points: initial vertices [m], shape [n, 3].
-        triangles: vertex indices, counter-clockwise seen from outside, shape [m, 3].
+        triangles: vertex indices, counter-clockwise seen from outside, shape [m, 3]; any set of triangles with area.
         sample_times: times of the samples [s], shape [k], strictly increasing.
         sample_points: vertices at those times [m], shape [k, n, 3]; linear in between, held outside.
 
@@ -186,12 +188,8 @@ class MeshObstacle(Obstacle):
 
     def __post_init__(self):
         super().__post_init__()
-        points = validate.array(self.points, f"{self._label}: points", (None, 3))
-        triangles = validate.array(self.triangles, f"{self._label}: triangles", (None, 3), np.int32)
-        if len(triangles) == 0:
-            raise MeshError(f"{_capital(self._label)}: the mesh has no triangles.")
-        if triangles.min() < 0 or triangles.max() >= len(points):
-            raise MeshError(f"{_capital(self._label)}: triangles refer to vertices outside 0 to {len(points) - 1}.")
+        points, triangles = checked_arrays(self.points, self.triangles, self._label)
+        check_areas(points, triangles, self._label)
         self._set(points=points, triangles=triangles)
         if self.sample_times is not None or self.sample_points is not None:
             self._check_samples()
@@ -204,17 +202,17 @@ class MeshObstacle(Obstacle):
 
         Args:
             source: path, asset name, ``trimesh.Trimesh`` or ``TriangleMesh``.
-            prim: which mesh of a USD stage, when it holds several.
-            transform: 4 × 4 matrix or translation [m] applied to the points.
+            prim: path or name of a mesh, or of a parent of some, in a USD or glTF file; None: all meshes, joined.
+            transform: 4 × 4 matrix, which may scale, or translation [m].
             name: defaults to the name of the file or prim.
             options: the fields common to all obstacles.
-        """
-        from .meshes import load_mesh
 
-        mesh = load_mesh(source, prim=prim)
-        label = name if name is not None else mesh.name
-        points = apply(as_matrix(transform, f"mesh '{label}': transform"), mesh.points)
-        return MeshObstacle(points, mesh.triangles, name=label, **options)
+        Raises:
+            MeshError: when the mesh cannot be read, is empty, or has triangles without area.
+        """
+        mesh = load_mesh(source, prim=prim, join=True)
+        mesh = obstacle_mesh(mesh.transformed(as_matrix(transform, f"{mesh.label}: transform")))
+        return MeshObstacle(mesh.points, mesh.triangles, name=mesh.name if name is None else name, **options)
 
     @property
     def centre(self) -> np.ndarray:

@@ -9,6 +9,8 @@ import numpy as np
 from .. import validate
 from ..errors import InputError, MeshError
 from ..fabric import Fabric
+from ..meshes import cloth_mesh, load_mesh
+from ..meshes.check import checked_arrays
 from ..transforms import apply, as_matrix
 from ..validate import Array
 from .disc import disc_points, disc_triangles, rim
@@ -53,8 +55,7 @@ class Cloth:
 
     def __post_init__(self):
         label = _label(self.name)
-        points = validate.array(self.points, f"{label}: points", (None, 3))
-        triangles = validate.array(self.triangles, f"{label}: triangles", (None, 3), np.int32)
+        points, triangles = checked_arrays(self.points, self.triangles, label)
         values: dict[str, Any] = {"points": points, "triangles": triangles}
         values["masses"] = validate.array(self.masses, f"{label}: masses", (len(points),))
         values["velocity"] = validate.vector(self.velocity, f"{label}: velocity")
@@ -158,13 +159,12 @@ class Cloth:
             pins: vertex indices, ``pin_box(...)``, ``pin_nearest(...)``, or a list of these.
             transform: 4 × 4 matrix, which may scale, or translation [m].
             name: defaults to the name of the file or prim.
-            prim: which mesh of a USD stage, when it holds several.
+            prim: path or name of a mesh in a USD or glTF file with several; a parent of some means them joined.
 
         Raises:
-            MeshError: when the mesh cannot be read or is no manifold; InputError: on other values out of range.
+            MeshError: when the mesh cannot be read, is empty, branches, or has triangles without area;
+                InputError: on other values out of range.
         """
-        from ..meshes import cloth_mesh, load_mesh
-
         mesh = load_mesh(source, prim=prim)
         name = mesh.name if name is None else name
         label = _label(name)
@@ -194,10 +194,6 @@ class Cloth:
 
     def _check_references(self, label: str) -> None:
         count = len(self.points)
-        if len(self.triangles) == 0:
-            raise MeshError(f"{label}: the mesh has no triangles.")
-        if self.triangles.min() < 0 or self.triangles.max() >= count:
-            raise MeshError(f"{label}: triangles refer to vertices outside 0 to {count - 1}.")
         light = np.flatnonzero(self.masses <= 0.0)
         if light.size:
             raise MeshError(f"{label}: vertex {light[0]} has no mass, so no triangle with an area holds it.")

@@ -12,6 +12,7 @@ import numpy as np
 from .. import validate
 from ..errors import InputError
 from ..fabric import Fabric
+from ..meshes.topology import EdgeTable
 from ..validate import Array
 
 STRUCTURAL, SHEAR, BEND = 0, 1, 2
@@ -103,34 +104,25 @@ def mesh_springs(points: np.ndarray, triangles: np.ndarray, fabric: Fabric) -> S
         fabric: shear_stiffness is not used.
     """
     areas = triangle_areas(points, triangles)
-    sides = np.sort(triangles[:, [1, 2, 2, 0, 0, 1]].reshape(-1, 2), axis=1)  # side i lies opposite to corner i
-    edges, owner = np.unique(sides, axis=0, return_inverse=True)
-    owner = owner.ravel()
-    edge_area = np.bincount(owner, weights=np.repeat(areas, 3), minlength=len(edges))
+    table = EdgeTable.of(triangles)
+    edges, edge_area = table.edges, np.bincount(table.of_side, weights=np.repeat(areas, 3))
     lengths = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
     stiffness = fabric.stretch_stiffness * edge_area / lengths
     parts = [SpringNetwork.from_pairs(edges, points, stiffness, STRUCTURAL, fabric.damping_time)]
     if fabric.bend_stiffness > 0.0:
-        parts.append(_across_edges(points, triangles, edges, owner, edge_area, fabric))
+        parts.append(_across_edges(points, triangles, table, edge_area, fabric))
     return SpringNetwork.joined(parts)
 
 
-def _across_edges(
-    points: np.ndarray,
-    triangles: np.ndarray,
-    edges: np.ndarray,
-    owner: np.ndarray,
-    edge_area: np.ndarray,
-    fabric: Fabric,
-) -> SpringNetwork:
+def _across_edges(points, triangles, table: EdgeTable, edge_area: np.ndarray, fabric: Fabric) -> SpringNetwork:
     """One bend spring for each interior edge whose opposite vertices are apart and not joined already."""
-    order = np.argsort(owner, kind="stable")
-    first = np.searchsorted(owner[order], np.flatnonzero(np.bincount(owner) == 2))
-    pairs = np.sort(np.stack([triangles.ravel()[order[first]], triangles.ravel()[order[first + 1]]], axis=1), axis=1)
+    pairs = np.sort(triangles.ravel()[table.side_pairs()], axis=1)  # corner i lies opposite to side i
+    area = edge_area[table.counts == 2]
     lengths = np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
-    area = edge_area[owner[order[first]]]
-    taken = _keys(edges, len(points))
-    keep = (lengths > 1e-3 * np.sqrt(area)) & ~np.isin(_keys(pairs, len(points)), taken)
+    keys = _keys(pairs, len(points))
+    first = np.unique(keys, return_index=True)[1]
+    keep = (lengths > 1e-3 * np.sqrt(area)) & ~np.isin(keys, _keys(table.edges, len(points)))
+    keep &= np.isin(np.arange(len(pairs)), first)
     stiffness = fabric.bend_stiffness * area[keep] / lengths[keep]
     return SpringNetwork.from_pairs(pairs[keep], points, stiffness, BEND, fabric.damping_time)
 

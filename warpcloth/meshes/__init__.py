@@ -1,5 +1,7 @@
-"""Triangle meshes from files."""
+"""Triangle meshes from files, checked."""
 
-from .trianglemesh import TriangleMesh, cloth_mesh, load_mesh
+from .assets import resolve_asset
+from .load import load_mesh, read_mesh
+from .trianglemesh import TriangleMesh, cloth_mesh, obstacle_mesh
 
-__all__ = ["TriangleMesh", "cloth_mesh", "load_mesh"]
+__all__ = ["TriangleMesh", "cloth_mesh", "load_mesh", "obstacle_mesh", "read_mesh", "resolve_asset"]

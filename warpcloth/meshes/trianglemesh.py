@@ -1,17 +1,31 @@
 """The triangle mesh that all readers produce."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from .. import validate
 from ..errors import MeshError
 from ..transforms import apply
+from .check import check_areas, check_manifold, checked_arrays
+from .topology import EdgeTable, oriented
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """points (n, 3) [m], triangles (m, 3); uvs (k, 2) with uv_indices (m, 3), or None."""
+    """Triangles over shared vertices, Z up and in metres.
+
+    Args:
+        points: [m], shape [n, 3].
+        triangles: counter-clockwise vertex indices, shape [m, 3], int32.
+        uvs: texture coordinates, origin at the lower left, shape [k, 2], or None.
+        uv_indices: index into ``uvs`` of each corner, shape [m, 3], so that seams do not split vertices, or None.
+        name: of the prim or file.
+
+    Raises:
+        MeshError: on an empty mesh, non-finite points or an index out of range; InputError: on wrong shapes or types.
+    """
 
     points: np.ndarray
     triangles: np.ndarray
@@ -19,20 +33,102 @@ class TriangleMesh:
     uv_indices: np.ndarray | None = None
     name: str = "mesh"
 
+    def __post_init__(self):
+        points, triangles = checked_arrays(self.points, self.triangles, self.label)
+        values = {"points": points, "triangles": triangles}
+        if self.uvs is None or self.uv_indices is None:
+            values |= {"uvs": None, "uv_indices": None}
+        else:
+            uvs = validate.array(self.uvs, f"{self.label}: uvs", (None, 2))
+            corners = validate.array(self.uv_indices, f"{self.label}: uv_indices", (len(triangles), 3), np.int32)
+            if corners.min() < 0 or corners.max() >= len(uvs):
+                title = self.label[:1].upper() + self.label[1:]
+                raise MeshError(f"{title}: uv_indices refer to texture coordinates outside 0 to {len(uvs) - 1}.")
+            values |= {"uvs": uvs, "uv_indices": corners}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def label(self) -> str:
+        """How messages call the mesh."""
+        return f"mesh '{self.name}'"
+
     def transformed(self, matrix: np.ndarray) -> "TriangleMesh":
-        """The mesh moved by a 4 × 4 matrix; a mirroring one keeps the winding counter-clockwise."""
-        return replace(self, points=apply(matrix, self.points))
+        """The mesh moved by a 4 × 4 matrix; fronts stay fronts even when it mirrors."""
+        points = apply(matrix, self.points)
+        return replace(self.flipped() if np.linalg.det(matrix[:3, :3]) < 0.0 else self, points=points)
 
+    def flipped(self) -> "TriangleMesh":
+        """The mesh with front and back exchanged."""
+        corners = None if self.uv_indices is None else self.uv_indices[:, ::-1]
+        return replace(self, triangles=self.triangles[:, ::-1], uv_indices=corners)
 
-def load_mesh(source: Any, prim: str | None = None) -> TriangleMesh:
-    """A mesh from a ``TriangleMesh`` or ``trimesh.Trimesh``."""
-    if isinstance(source, TriangleMesh):
-        return source
-    if hasattr(source, "vertices") and hasattr(source, "faces"):
-        return TriangleMesh(np.array(source.vertices, float), np.array(source.faces, np.int32))
-    raise MeshError(f"No mesh can be read from {source!r}.")
+    def welded(self) -> "TriangleMesh":
+        """The mesh with vertices in exactly the same place merged, and those that no triangle uses dropped.
+
+        Order is kept. Layers that lie in the same place are left apart: nothing is merged when that would give an edge
+        more than two triangles.
+        """
+        used = np.zeros(len(self.points), bool)
+        used[self.triangles] = True
+        _, first, group = np.unique(self.points + 0.0, axis=0, return_index=True, return_inverse=True)
+        merged = first[group.ravel()]
+        if not EdgeTable.of(merged[self.triangles]).is_manifold and EdgeTable.of(self.triangles).is_manifold:
+            merged = np.arange(len(self.points))
+        keep = np.zeros(len(self.points), bool)
+        keep[merged[used]] = True
+        if keep.all():
+            return self
+        number = np.cumsum(keep) - 1
+        return replace(self, points=self.points[keep], triangles=number[merged[self.triangles]])
+
+    @staticmethod
+    def joined(meshes: Sequence["TriangleMesh"], name: str) -> "TriangleMesh":
+        """Several meshes as one; texture coordinates are kept when all have them."""
+        if len(meshes) == 1:
+            return replace(meshes[0], name=name)
+        starts = np.cumsum([0] + [len(mesh.points) for mesh in meshes])
+        points = np.concatenate([mesh.points for mesh in meshes])
+        triangles = np.concatenate([mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)])
+        if any(mesh.uvs is None for mesh in meshes):
+            return TriangleMesh(points, triangles, name=name)
+        starts = np.cumsum([0] + [len(mesh.uvs) for mesh in meshes])
+        corners = np.concatenate([mesh.uv_indices + start for mesh, start in zip(meshes, starts, strict=False)])
+        return TriangleMesh(points, triangles, np.concatenate([mesh.uvs for mesh in meshes]), corners, name)
 
 
 def cloth_mesh(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh as it can be cloth."""
-    return mesh
+    """The mesh as cloth: no triangle without area, no branching edge, neighbours facing the same way.
+
+    Raises:
+        MeshError: when it has one of the first two, or only one side.
+    """
+    table = EdgeTable.of(mesh.triangles)
+    check_areas(mesh.points, mesh.triangles, mesh.label)
+    check_manifold(mesh.triangles, table, mesh.label)
+    return _with_triangles(mesh, oriented(mesh.triangles, table, mesh.label[:1].upper() + mesh.label[1:]))
+
+
+def obstacle_mesh(mesh: TriangleMesh) -> TriangleMesh:
+    """The mesh as obstacle: any triangles with area; closed surfaces are made to face outwards.
+
+    Raises:
+        MeshError: on triangles without area.
+    """
+    check_areas(mesh.points, mesh.triangles, mesh.label)
+    table = EdgeTable.of(mesh.triangles)
+    if not table.is_closed:
+        return mesh
+    mesh = _with_triangles(mesh, oriented(mesh.triangles, table, mesh.label))
+    a, b, c = np.moveaxis(mesh.points[mesh.triangles] - mesh.points.mean(axis=0), 1, 0)
+    volume = np.einsum("ti,ti->", a, np.cross(b, c))
+    return mesh.flipped() if volume < 0.0 else mesh
+
+
+def _with_triangles(mesh: TriangleMesh, triangles: np.ndarray) -> TriangleMesh:
+    """The mesh with some triangles turned over, as ``triangles`` has them."""
+    if triangles is mesh.triangles or mesh.uv_indices is None:
+        return replace(mesh, triangles=triangles)
+    turned = np.any(triangles != mesh.triangles, axis=1)
+    corners = np.where(turned[:, None], mesh.uv_indices[:, ::-1], mesh.uv_indices)
+    return replace(mesh, triangles=triangles, uv_indices=corners)

@@ -1,0 +1,157 @@
+"""Meshes of a USD stage. This module imports ``pxr``; import it only to read USD."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from pxr import Tf, Usd, UsdGeom, UsdUtils
+
+from ..errors import MeshError
+from .check import refuse_non_finite
+from .choose import Part, chosen
+from .trianglemesh import TriangleMesh
+from .triangulate import triangulate
+
+TIME = Usd.TimeCode.EarliestTime()  # where a value is sampled but has no default
+
+
+def read_usd(path: Path, prim: str | None, join: bool) -> TriangleMesh:
+    """The mesh of a USD stage, polygons triangulated, in metres and Z up, with its texture coordinates.
+
+    References, instances and point instancers are resolved. Invisible meshes and those for guides or proxies are left
+    out, unless there are no others or ``prim`` names one.
+
+    Raises:
+        MeshError: when the file cannot be read, or holds several meshes and none is chosen.
+    """
+    stage = _open(path)
+    to_si = _to_si(stage)
+    cache = UsdGeom.XformCache(TIME)
+    parts, shown = [], []
+    for mesh, matrix in _placed_meshes(stage, cache):
+        where = str(mesh.GetPath())
+        part = Part(where, lambda m=mesh, x=matrix, w=where: _read(m, w.rsplit("/", 1)[-1]).transformed(to_si @ x))
+        parts.append(part)
+        if _is_shown(mesh):
+            shown.append(part)
+    return chosen(shown if shown and prim is None else parts, path.stem, prim, join)
+
+
+def _open(path: Path) -> Usd.Stage:
+    collected = UsdUtils.CoalescingDiagnosticDelegate()  # keeps warnings about damaged files off stderr
+    try:
+        stage = Usd.Stage.Open(str(path.absolute()))
+        stage.Reload()  # this process may hold an older state of the file
+    except Tf.ErrorException as error:
+        reason = str(error).strip().splitlines()[-1].strip(" '\"") if str(error).strip() else "not a USD file"
+        raise MeshError(f"The USD file '{path.name}' cannot be read: {reason.rstrip('.')}.") from None
+    finally:
+        del collected
+    return stage
+
+
+def _to_si(stage: Usd.Stage) -> np.ndarray:
+    """The 4 × 4 matrix from the stage's axes and units to Z up and metres."""
+    matrix = np.eye(4)
+    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
+        matrix[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+    matrix[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
+    return matrix
+
+
+def _placed_meshes(stage: Usd.Stage, cache: UsdGeom.XformCache) -> Iterator[tuple[UsdGeom.Mesh, np.ndarray]]:
+    """Every mesh with its 4 × 4 matrix to the stage's world, once for each instance."""
+    walk = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+    for prim in walk:
+        if prim.IsA(UsdGeom.PointInstancer):
+            walk.PruneChildren()
+            yield from _scattered_meshes(UsdGeom.PointInstancer(prim), cache)
+        elif prim.IsA(UsdGeom.Mesh):
+            yield UsdGeom.Mesh(prim), _columns(cache.GetLocalToWorldTransform(prim))
+
+
+def _scattered_meshes(scatter: UsdGeom.PointInstancer, cache: UsdGeom.XformCache):
+    prototypes = [scatter.GetPrim().GetStage().GetPrimAtPath(p) for p in scatter.GetPrototypesRel().GetTargets()]
+    which = scatter.GetProtoIndicesAttr().Get(TIME) or []
+    transforms = scatter.ComputeInstanceTransformsAtTime(TIME, TIME, applyMask=UsdGeom.PointInstancer.IgnoreMask)
+    mask = scatter.ComputeMaskAtTime(TIME) or [True] * len(transforms)
+    world = _columns(cache.GetLocalToWorldTransform(scatter.GetPrim()))
+    for index, transform, visible in zip(which, transforms, mask, strict=True):
+        prototype = prototypes[index]
+        for prim in Usd.PrimRange(prototype, Usd.TraverseInstanceProxies()) if visible else ():
+            if prim.IsA(UsdGeom.Mesh):
+                local = np.eye(4) if prim == prototype else _columns(cache.ComputeRelativeTransform(prim, prototype)[0])
+                yield UsdGeom.Mesh(prim), world @ _columns(transform) @ local
+
+
+def _read(mesh: UsdGeom.Mesh, name: str) -> TriangleMesh:
+    """A mesh in its own frame."""
+    points = np.array(_value(mesh.GetPointsAttr(), []), float).reshape(-1, 3)
+    counts = np.array(_value(mesh.GetFaceVertexCountsAttr(), []), np.int64)
+    corners = np.array(_value(mesh.GetFaceVertexIndicesAttr(), []), np.int64)
+    _check_faces(name, points, counts, corners)
+    cuts = triangulate(points, counts, corners)
+    holes = np.array(_value(mesh.GetHoleIndicesAttr(), []), np.int64)
+    if holes.size:
+        face = np.searchsorted(np.cumsum(counts), cuts[:, 0], side="right")
+        cuts = cuts[~np.isin(face, holes)]
+    uvs, uv_of_corner = _texture_coordinates(mesh, points, corners)
+    result = TriangleMesh(points, corners[cuts], uvs, None if uvs is None else uv_of_corner[cuts], name)
+    return result.flipped() if _value(mesh.GetOrientationAttr(), "") == UsdGeom.Tokens.leftHanded else result
+
+
+def _check_faces(name: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray) -> None:
+    label = f"Mesh '{name}'"
+    if len(points) == 0 or len(counts) == 0:
+        raise MeshError(f"{label} is empty: it has {len(points)} vertices and {len(counts)} faces.")
+    refuse_non_finite(points, label)
+    small = np.flatnonzero(counts < 3)
+    if small.size:
+        raise MeshError(f"{label}: face {small[0]} has {counts[small[0]]} corners, but needs 3 or more.")
+    if counts.sum() != len(corners):
+        raise MeshError(f"{label}: its faces have {counts.sum()} corners, but {len(corners)} vertex indices are given.")
+    outside = np.flatnonzero((corners < 0) | (corners >= len(points)))
+    if outside.size:
+        bad = corners[outside[0]]
+        raise MeshError(f"{label}: a face refers to vertex {bad}, which is not one of 0 to {len(points) - 1}.")
+
+
+def _texture_coordinates(mesh: UsdGeom.Mesh, points: np.ndarray, corners: np.ndarray):
+    """Values (k, 2) of ``st``, or of the first other set, and which of them each face corner has; or (None, None)."""
+    sets = [p for p in UsdGeom.PrimvarsAPI(mesh.GetPrim()).FindPrimvarsWithInheritance() if _is_texture(p)]
+    for primvar in sorted(sets, key=lambda p: p.GetPrimvarName() != "st"):
+        values = np.array(primvar.Get(TIME) if primvar.Get() is None else primvar.Get(), float)
+        indices = np.array(primvar.GetIndices(TIME), np.int64) if primvar.IsIndexed() else np.arange(len(values))
+        per_corner = primvar.GetInterpolation() == UsdGeom.Tokens.faceVarying
+        if len(indices) != (len(corners) if per_corner else len(points)):
+            continue
+        of_corner = indices if per_corner else indices[corners]
+        if np.all((of_corner >= 0) & (of_corner < len(values))) and np.isfinite(values).all():
+            return values[:, :2], of_corner
+    return None, None
+
+
+def _is_texture(primvar: UsdGeom.Primvar) -> bool:
+    role, name = str(primvar.GetTypeName()), primvar.GetPrimvarName()
+    spread = (UsdGeom.Tokens.faceVarying, UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying)
+    pairs = role.startswith("texCoord") or (role.startswith("float2") and name.startswith(("st", "uv", "UV")))
+    return pairs and role.endswith("[]") and primvar.HasValue() and primvar.GetInterpolation() in spread
+
+
+def _is_shown(mesh: UsdGeom.Mesh) -> bool:
+    purpose = mesh.ComputePurpose()
+    return purpose in (UsdGeom.Tokens.default_, UsdGeom.Tokens.render) and (
+        mesh.ComputeVisibility(TIME) != UsdGeom.Tokens.invisible
+    )
+
+
+def _value(attribute: Usd.Attribute, otherwise):
+    """The default value, or the first sample where there is none."""
+    value = attribute.Get()
+    value = attribute.Get(TIME) if value is None else value
+    return otherwise if value is None else value
+
+
+def _columns(matrix) -> np.ndarray:
+    """A Gf matrix, which multiplies row vectors, in the convention of column vectors."""
+    return np.array(matrix).T
