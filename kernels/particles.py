@@ -1,0 +1,93 @@
+"""Per-particle work: gravity, time integration, the passing of time."""
+
+import sys
+
+import warp as wp
+
+from .precision import OPTIONS, real, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.kernel
+def set_gravity_force(
+    # Model
+    particle_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    world_gravity: wp.array(dtype=vec3),
+    # Out
+    particle_f_out: wp.array(dtype=vec3),
+):
+    """Starts a force evaluation: f = m g, overwriting what was there."""
+    i = wp.tid()
+    particle_f_out[i] = particle_mass[i] * world_gravity[particle_world[i]]
+
+
+@wp.kernel
+def gravity_energy(
+    # Model
+    particle_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    world_gravity: wp.array(dtype=vec3),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    # Out
+    energy_out: wp.array(dtype=wp.float64),
+):
+    """Adds −m g·x [J] to ``energy_out[world]``, summed in float64."""
+    i = wp.tid()
+    w = particle_world[i]
+    e = -wp.float64(particle_mass[i]) * wp.float64(wp.dot(world_gravity[w], particle_q[i]))
+    wp.atomic_add(energy_out, w, e)
+
+
+@wp.kernel
+def kinetic_energy(
+    # Model
+    particle_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    particle_qd: wp.array(dtype=vec3),
+    # Out
+    energy_out: wp.array(dtype=wp.float64),
+):
+    """Adds ½ m v² [J] to ``energy_out[world]``, summed in float64."""
+    i = wp.tid()
+    v = particle_qd[i]
+    e = wp.float64(0.5) * wp.float64(particle_mass[i]) * wp.float64(wp.dot(v, v))
+    wp.atomic_add(energy_out, particle_world[i], e)
+
+
+@wp.kernel
+def symplectic_euler(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    particle_f: wp.array(dtype=vec3),
+    dt: real,
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """v ← v + dt f/m, then x ← x + dt v with the new v. Pinned particles (1/m = 0) stay; their driver moves them."""
+    i = wp.tid()
+    w = particle_inv_mass[i]
+    v = particle_qd[i] + dt * w * particle_f[i]
+    if w == real(0.0):
+        v = vec3()
+    particle_qd_out[i] = v
+    particle_q_out[i] = particle_q[i] + dt * v
+
+
+@wp.kernel
+def advance_time(
+    # State in
+    dt: wp.float64,
+    # Out
+    world_time_out: wp.array(dtype=wp.float64),
+):
+    """The clock of every world moves on by dt [s]."""
+    w = wp.tid()
+    world_time_out[w] = world_time_out[w] + dt

@@ -1,0 +1,64 @@
+"""The spring law, the one place where it is written. Force, energy and Hessian kernels all call these functions.
+
+For a spring p–q of rest length r, with d = x_q − x_p, u = v_q − v_p and n = d/|d|:
+
+    f_p = [ k_s (|d|/r − 1) + k_d (u·n)/r ] n        f_q = −f_p        E = ½ k_s r (|d|/r − 1)²
+
+k_s in newtons (force per unit strain), k_d in newton seconds. A spring of zero length has no direction: n = 0 there, so
+it exerts no force and everything stays finite.
+"""
+
+import warp as wp
+
+from .precision import mat33, real, vec3
+
+
+@wp.func
+def direction(d: vec3):
+    """Unit vector along d, or zero for a zero-length spring."""
+    length = wp.length(d)
+    n = vec3()
+    if length > real(0.0):
+        n = d / length
+    return n
+
+
+@wp.func
+def spring_force(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real):
+    """Force [N] on particle p; its negative acts on q."""
+    n = direction(d)
+    strain = wp.length(d) / rest_length - real(1.0)
+    return (k_s * strain + k_d * wp.dot(u, n) / rest_length) * n
+
+
+@wp.func
+def spring_energy(d: vec3, rest_length: real, k_s: real):
+    """Elastic energy [J]."""
+    strain = wp.length(d) / rest_length - real(1.0)
+    return real(0.5) * k_s * rest_length * strain * strain
+
+
+@wp.func
+def spring_stiffness_matrix(d: vec3, rest_length: real, k_s: real, project: real):
+    """Second derivative of the energy with respect to d [N/m], a 3×3 matrix.
+
+    K = (k_s/r) [ n nᵀ + (1 − r/|d|) (I − n nᵀ) ]. A compressed spring has negative transverse stiffness; with
+    ``project = 1`` that part is left out, which makes K positive semi-definite (Choi and Ko 2002), with 0 it stays.
+    """
+    length = wp.length(d)
+    n = direction(d)
+    transverse = real(0.0)
+    if length > real(0.0):
+        transverse = real(1.0) - rest_length / length
+    if project > real(0.0):
+        transverse = wp.max(transverse, real(0.0))
+    nn = wp.outer(n, n)
+    identity = wp.identity(n=3, dtype=real)
+    return (k_s / rest_length) * (nn + transverse * (identity - nn))
+
+
+@wp.func
+def spring_damping_matrix(d: vec3, rest_length: real, k_d: real):
+    """Derivative of the damping force on q with respect to −u [N s/m]: (k_d/r) n nᵀ, a 3×3 matrix."""
+    n = direction(d)
+    return mat33((k_d / rest_length) * wp.outer(n, n))

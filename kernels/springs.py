@@ -1,0 +1,84 @@
+"""Spring forces of a whole network: scattered with atomic adds, or gathered per particle in a fixed order."""
+
+import sys
+
+import warp as wp
+
+from .precision import OPTIONS, real, vec3
+from .spring_law import spring_energy, spring_force
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.kernel
+def scatter_forces(
+    # Model
+    spring_indices: wp.array(dtype=wp.vec2i),
+    spring_rest_length: wp.array(dtype=real),
+    spring_stiffness: wp.array(dtype=real),
+    spring_damping: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    # Out
+    particle_f_out: wp.array(dtype=vec3),
+):
+    """One thread per spring adds its force to both ends."""
+    s = wp.tid()
+    ends = spring_indices[s]
+    d = particle_q[ends[1]] - particle_q[ends[0]]
+    u = particle_qd[ends[1]] - particle_qd[ends[0]]
+    f = spring_force(d, u, spring_rest_length[s], spring_stiffness[s], spring_damping[s])
+    wp.atomic_add(particle_f_out, ends[0], f)
+    wp.atomic_sub(particle_f_out, ends[1], f)
+
+
+@wp.kernel
+def gather_forces(
+    # Model
+    particle_spring_start: wp.array(dtype=wp.int32),
+    particle_spring_ids: wp.array(dtype=wp.int32),
+    spring_indices: wp.array(dtype=wp.vec2i),
+    spring_rest_length: wp.array(dtype=real),
+    spring_stiffness: wp.array(dtype=real),
+    spring_damping: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    # Out
+    particle_f_out: wp.array(dtype=vec3),
+):
+    """One thread per particle sums its springs in the order of their numbers: bitwise repeatable on any device."""
+    i = wp.tid()
+    x = particle_q[i]
+    v = particle_qd[i]
+    total = vec3()
+    for k in range(particle_spring_start[i], particle_spring_start[i + 1]):
+        s = particle_spring_ids[k]
+        ends = spring_indices[s]
+        other = ends[0] + ends[1] - i
+        d = particle_q[other] - x
+        u = particle_qd[other] - v
+        total += spring_force(d, u, spring_rest_length[s], spring_stiffness[s], spring_damping[s])
+    particle_f_out[i] = particle_f_out[i] + total
+
+
+@wp.kernel
+def energy(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    spring_indices: wp.array(dtype=wp.vec2i),
+    spring_rest_length: wp.array(dtype=real),
+    spring_stiffness: wp.array(dtype=real),
+    spring_group: wp.array(dtype=wp.int32),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    # Out
+    energy_out: wp.array2d(dtype=wp.float64),
+):
+    """Adds each spring's energy [J] to ``energy_out[world, group]``; group 0 is in-plane, group 1 bending."""
+    s = wp.tid()
+    ends = spring_indices[s]
+    d = particle_q[ends[1]] - particle_q[ends[0]]
+    e = spring_energy(d, spring_rest_length[s], spring_stiffness[s])
+    wp.atomic_add(energy_out, particle_world[ends[0]], spring_group[s], wp.float64(e))
