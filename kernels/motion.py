@@ -39,13 +39,11 @@ class Pose:
 
 @wp.func
 def local_time(tracks: Tracks, track: int, t: wp.float64):
-    """Time within the keys: wrapped into the first period of a looping motion."""
-    first = tracks.times[tracks.start[track]]
-    last = tracks.times[tracks.start[track + 1] - 1]
-    s = t
-    if tracks.loop[track] == 1 and t > last and last > first:
-        s = first + wp.mod(t - first, last - first)
-    return s
+    """Time within the keys: a looping motion repeats with the time of its last key."""
+    period = tracks.times[tracks.start[track + 1] - 1]
+    if tracks.loop[track] == 1:
+        return t - period * wp.floor(t / period)
+    return t
 
 
 @wp.func

@@ -1,0 +1,35 @@
+"""warpcloth: cloth simulation on NVIDIA Warp.
+
+``import warpcloth as wc``; the names below are the public surface. Everything is in SI units, Z up.
+"""
+
+from typing import Any
+
+from . import errors
+from .cloth import Cloth
+from .errors import WarpclothError
+from .fabric import Fabric
+from .integrators import integrators
+from .model import Model
+from .motion import Motion
+from .obstacles import Box, Capsule, MeshObstacle, Plane, Sphere
+from .simulation import Simulation
+from .state import State
+
+__version__ = "0.1.0"
+
+_SCENE_LAYER = ("load_scene", "simulate")
+
+__all__ = [
+    "Box", "Capsule", "Cloth", "Fabric", "MeshObstacle", "Model", "Motion", "Plane", "Simulation", "Sphere", "State",
+    "WarpclothError", "errors", "integrators", "load_scene", "simulate",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """``load_scene`` and ``simulate`` live in the scene layer, which is imported only when asked for."""
+    if name in _SCENE_LAYER:
+        from . import scenes
+
+        return getattr(scenes, name)
+    raise AttributeError(f"module 'warpcloth' has no attribute {name!r}")

@@ -1,0 +1,194 @@
+"""Measures of a state, on the device where it lives: energies, strain, speed, penetration, intersections."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from .collision_shapes import CollisionShapes
+from .errors import BadStartError, DivergedError
+from .kernels import KernelSet
+from .kinematics import make_tracks
+from .model import Model
+from .obstacles import Obstacle
+from .state import State
+
+DEEP_START = 1e-3  # [m] of penetration at the start that the response can mend without a visible jump
+
+
+def kinetic_energy(model: Model, state: State) -> float:
+    """Σ ½ m v² of all particles [J]."""
+    out = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
+    wp.launch(
+        model.kernels.particles.kinetic_energy,
+        dim=model.particle_count,
+        inputs=[model.particle_mass, model.particle_world, state.particle_qd],
+        outputs=[out],
+        device=model.device,
+    )
+    return float(out.numpy().sum())
+
+
+def spring_strain(model: Model, state: State) -> np.ndarray:
+    """Strain |d|/r − 1 of every spring [-], shape [spring_count]."""
+    out = wp.zeros(model.spring_count, dtype=model.real, device=model.device)
+    wp.launch(
+        model.kernels.diagnostics.spring_strain,
+        dim=model.spring_count,
+        inputs=[model.spring_indices, model.spring_rest_length, state.particle_q],
+        outputs=[out],
+        device=model.device,
+    )
+    return out.numpy()
+
+
+def motion_summary(model: Model, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Per world: non-finite particles, root mean square speed and greatest speed [m/s] of the free ones."""
+    bad = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
+    moment = wp.zeros((model.world_count, 2), dtype=wp.float64, device=model.device)
+    speed = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
+    wp.launch(
+        model.kernels.diagnostics.motion_summary,
+        dim=model.particle_count,
+        inputs=[
+            model.particle_mass, model.particle_world, model.particle_inv_mass, state.particle_q, state.particle_qd,
+        ],
+        outputs=[bad, moment, speed],
+        device=model.device,
+    )  # fmt: skip
+    twice_energy, mass = moment.numpy().T
+    return bad.numpy(), np.sqrt(twice_energy / np.maximum(mass, 1e-300)), speed.numpy()
+
+
+def check_finite(model: Model, state: State, time: float, integrator: str, substeps: int) -> float:
+    """Greatest root mean square speed of all worlds [m/s].
+
+    Raises:
+        DivergedError: a position or velocity is not finite.
+    """
+    bad, rms_speed, _ = motion_summary(model, state)
+    if bad.any():
+        world = int(np.argmax(bad))
+        where = f" of world {world}" if model.world_count > 1 else ""
+        raise DivergedError(
+            f"The simulation diverged: {bad[world]} particles{where} are not finite at {time:.4g} s with {integrator} "
+            f"and {substeps} substeps; use substeps=\"auto\", more substeps, or an implicit integrator."
+        )
+    return float(rms_speed.max())
+
+
+def penetration_depths(model: Model, state: State, place: wp.array | None = None) -> np.ndarray:
+    """Depth of each particle below the true surface of a solid obstacle [m], 0 outside, shape [particle_count]."""
+    shapes = model.shapes
+    if shapes.count == 0:
+        return np.zeros(model.particle_count)
+    if place is None:
+        shapes.place(model.tracks, state.world_time, 0.0)
+        place = shapes.end
+    return _depths(model.kernels, model.particle_world, shapes, state.particle_q, place, model.device)
+
+
+def _depths(kernels, particle_world, shapes: CollisionShapes, particle_q, place, device) -> np.ndarray:
+    out = wp.zeros(len(particle_q), dtype=kernels.precision.real, device=device)
+    wp.launch(
+        kernels.diagnostics.penetration,
+        dim=len(particle_q),
+        inputs=[particle_world, shapes.shapes, particle_q, place, 1.0e6],
+        outputs=[out],
+        device=device,
+    )
+    return out.numpy()
+
+
+def penetration(points: np.ndarray, obstacles: Sequence[Obstacle], t: float = 0.0) -> float:
+    """Greatest depth [m] of points (n, 3) below the true surface of any of the obstacles at time t [s]; 0 if outside."""
+    if len(obstacles) == 0 or len(points) == 0:
+        return 0.0
+    kernels, device = KernelSet("float32"), wp.get_device("cpu")
+    motions = [o.motion for o in obstacles if o.motion is not None]
+    tracks = iter(range(len(motions)))
+    rows = [(0, o, -1 if o.motion is None else next(tracks)) for o in obstacles]
+    shapes = CollisionShapes(kernels, rows, 1, device)
+    time = wp.array([t], dtype=wp.float64, device=device)
+    shapes.place(make_tracks(kernels, motions, device), time, 0.0)
+    q = wp.array(np.ascontiguousarray(points, np.float32), dtype=wp.vec3, device=device)
+    world = wp.zeros(len(q), dtype=wp.int32, device=device)
+    return float(_depths(kernels, world, shapes, q, shapes.end, device).max())
+
+
+def check_start(model: Model, state: State) -> None:
+    """Refuses cloth that starts inside a solid.
+
+    Raises:
+        BadStartError: names the cloth, how many of its particles are inside, and how deep.
+    """
+    depths = penetration_depths(model, state)
+    depths = np.where(model.particle_inv_mass.numpy() > 0.0, depths, 0.0)
+    for cloth in model.cloths:
+        own = depths[cloth.start : cloth.stop]
+        if own.size and own.max() > DEEP_START:
+            raise BadStartError(
+                f"Cloth '{cloth.name}' starts inside an obstacle: {int((own > DEEP_START).sum())} particles, up to "
+                f"{own.max():.3g} m deep; move the cloth or the obstacle apart."
+            )
+
+
+def count_intersections(points: Any, triangles: Any) -> int:
+    """Pairs of triangles without a common vertex that cross each other; points (n, 3) [m], triangles (m, 3)."""
+    device = wp.get_device("cpu")
+    kernels = KernelSet("float64")
+    q = wp.array(np.ascontiguousarray(points, np.float64), dtype=wp.vec3d, device=device)
+    tri = wp.array(np.ascontiguousarray(triangles, np.int32), dtype=wp.int32, device=device)
+    world = wp.zeros(len(q), dtype=wp.int32, device=device)
+    return int(_intersections(kernels, q, tri, world, 1, device).sum())
+
+
+def intersections(model: Model, state: State) -> np.ndarray:
+    """Per world: crossing pairs of cloth triangles without a common vertex, shape [world_count]."""
+    args = (state.particle_q, model.tri_indices, model.particle_world, model.world_count, model.device)
+    return _intersections(model.kernels, *args)
+
+
+def _intersections(kernels, particle_q, tri_indices, particle_world, world_count: int, device) -> np.ndarray:
+    count = wp.zeros(world_count, dtype=wp.int32, device=device)
+    tris = len(tri_indices)
+    if tris == 0:
+        return count.numpy()
+    lower = wp.zeros(tris, dtype=wp.vec3, device=device)
+    upper = wp.zeros(tris, dtype=wp.vec3, device=device)
+    wp.launch(
+        kernels.diagnostics.triangle_bounds,
+        dim=tris,
+        inputs=[tri_indices, particle_q],
+        outputs=[lower, upper],
+        device=device,
+    )
+    bvh = wp.Bvh(lower, upper)
+    wp.launch(
+        kernels.diagnostics.count_intersections,
+        dim=tris,
+        inputs=[tri_indices, particle_world, particle_q, lower, upper, bvh.id],
+        outputs=[count],
+        device=device,
+    )
+    return count.numpy()
+
+
+def measure(model: Model, state: State, time: float) -> dict[str, Any]:
+    """Measures of one state.
+
+    Returns:
+        ``time`` [s], ``mean_strain`` and ``max_strain`` (of |strain| over the structural springs [-]), ``max_speed``
+        [m/s], ``max_penetration_m`` (below the obstacles' true surfaces [m]), ``intersections`` (crossing pairs of cloth
+        triangles).
+    """
+    strain = np.abs(spring_strain(model, state)[model.spring_kind.numpy() == 0])
+    return {
+        "time": time,
+        "mean_strain": float(strain.mean()) if strain.size else 0.0,
+        "max_strain": float(strain.max()) if strain.size else 0.0,
+        "max_speed": float(motion_summary(model, state)[2].max()),
+        "max_penetration_m": float(penetration_depths(model, state).max(initial=0.0)),
+        "intersections": int(intersections(model, state).sum()),
+    }

@@ -1,0 +1,70 @@
+"""The sum of all forces on the particles of a model."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import warp as wp
+
+from ..model import Model
+from ..state import State
+
+
+class ForceTerm(Protocol):
+    """One physical force. It launches kernels only: no allocation, no host synchronisation."""
+
+    name: str
+
+    def accumulate(self, state: State, time_offset: float) -> None:
+        """Adds the force [N] at ``state``, whose time is the worlds' time + ``time_offset`` [s], to ``particle_f``."""
+        ...
+
+    def energy(self, state: State) -> dict[str, float]:
+        """Potential energies [J] by name, summed over all worlds; empty for a force without potential."""
+        ...
+
+
+class Forces:
+    """Gravity and all force terms of a simulation.
+
+    Args:
+        model: the model.
+        terms: force terms, applied in this order.
+        world_gravity: gravitational acceleration of each world [m/s²], vec3, shape [world_count].
+    """
+
+    def __init__(self, model: Model, terms: Sequence[ForceTerm], world_gravity: wp.array):
+        self.model = model
+        self.terms = list(terms)
+        self.world_gravity = world_gravity
+        self.evaluations = 0
+
+    def evaluate(self, state: State, time_offset: float = 0.0) -> None:
+        """Writes the total force [N] at ``state`` into ``state.particle_f``."""
+        model = self.model
+        self.evaluations += 1
+        wp.launch(
+            model.kernels.particles.set_gravity_force,
+            dim=model.particle_count,
+            inputs=[model.particle_mass, model.particle_world, self.world_gravity],
+            outputs=[state.particle_f],
+            device=model.device,
+        )
+        for term in self.terms:
+            term.accumulate(state, time_offset)
+
+    def energy(self, state: State) -> dict[str, float]:
+        """Potential energies [J] by name, gravity's (−Σ m g·x) included, summed over all worlds."""
+        model = self.model
+        out = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
+        wp.launch(
+            model.kernels.particles.gravity_energy,
+            dim=model.particle_count,
+            inputs=[model.particle_mass, model.particle_world, self.world_gravity, state.particle_q],
+            outputs=[out],
+            device=model.device,
+        )
+        energies = {"spring": 0.0, "bending": 0.0, "gravity": float(out.numpy().sum())}
+        for term in self.terms:
+            for name, value in term.energy(state).items():
+                energies[name] = energies.get(name, 0.0) + value
+        return energies

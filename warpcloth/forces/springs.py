@@ -1,0 +1,56 @@
+"""The springs of the model as a force term."""
+
+import warp as wp
+
+from .. import validate
+from ..model import Model
+from ..state import State
+
+ASSEMBLIES = ("scatter", "gather")
+
+
+class Springs:
+    """Damped springs (the law of ``kernels/spring_law.py``).
+
+    Args:
+        model: the model whose springs these are.
+        assembly: "scatter" (one thread per spring, atomic adds) or "gather" (one thread per particle, fixed order:
+            bitwise repeatable on a GPU too).
+
+    Raises:
+        InputError: unknown assembly.
+    """
+
+    name = "springs"
+
+    def __init__(self, model: Model, assembly: str = "scatter"):
+        self.model = model
+        self.assembly = validate.choice(assembly, ASSEMBLIES, "assembly")
+
+    def accumulate(self, state: State, time_offset: float) -> None:
+        """Adds spring forces [N] to ``state.particle_f``."""
+        model = self.model
+        law = [model.spring_indices, model.spring_rest_length, model.spring_stiffness, model.spring_damping]
+        kernel, dim = model.kernels.springs.scatter_forces, model.spring_count
+        if self.assembly == "gather":
+            kernel, dim = model.kernels.springs.gather_forces, model.particle_count
+            law = [model.particle_spring_start, model.particle_spring_ids, *law]
+        inputs = [*law, state.particle_q, state.particle_qd]
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=[state.particle_f], device=model.device)
+
+    def energy(self, state: State) -> dict[str, float]:
+        """Energy of in-plane ("spring") and bending springs ("bending") [J]."""
+        model = self.model
+        out = wp.zeros((model.world_count, 2), dtype=wp.float64, device=model.device)
+        wp.launch(
+            model.kernels.springs.energy,
+            dim=model.spring_count,
+            inputs=[
+                model.particle_world, model.spring_indices, model.spring_rest_length, model.spring_stiffness,
+                model.spring_group, state.particle_q,
+            ],
+            outputs=[out],
+            device=model.device,
+        )  # fmt: skip
+        spring, bending = out.numpy().sum(axis=0)
+        return {"spring": float(spring), "bending": float(bending)}

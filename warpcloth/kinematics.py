@@ -1,0 +1,75 @@
+"""Motions on the device: key tracks, and the particles that they drive."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from .kernels import KernelSet
+from .motion import Motion
+
+
+def make_tracks(kernels: KernelSet, motions: Sequence[Motion], device: wp.Device):
+    """All motions as one ``Tracks`` struct (see ``kernels/motion.py``)."""
+    tracks = kernels.motion.Tracks()
+    counts = [len(m.times) for m in motions]
+    tracks.start = wp.array(np.concatenate([[0], np.cumsum(counts)]), dtype=wp.int32, device=device)
+    tracks.smooth = wp.array([int(m.interpolation == "smooth") for m in motions], dtype=wp.int32, device=device)
+    tracks.loop = wp.array([int(m.loop) for m in motions], dtype=wp.int32, device=device)
+    tracks.times = wp.array(_joined([m.times for m in motions], ()), dtype=wp.float64, device=device)
+    tracks.positions = wp.array(_joined([m.positions for m in motions], (3,)), dtype=wp.vec3d, device=device)
+    tracks.rotations = wp.array(_joined([m.rotations for m in motions], (3,)), dtype=wp.vec3d, device=device)
+    return tracks
+
+
+def _joined(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+    return np.concatenate(parts) if parts else np.zeros((0, *shape))
+
+
+@dataclass(eq=False)
+class MovingPins:
+    """Pinned particles with a prescribed motion. Pins without one just stay, as their inverse mass is zero.
+
+    Attributes:
+        particle: particle of each moving pin, int32, shape [pin_count].
+        track: motion of each, int32, shape [pin_count].
+        rest: position from which it moves [m], vec3d, shape [pin_count].
+        pivot: centre of its rotation [m], vec3d, shape [pin_count].
+    """
+
+    particle: wp.array
+    track: wp.array
+    rest: wp.array
+    pivot: wp.array
+
+    @staticmethod
+    def of(rows: Sequence[tuple[np.ndarray, int, np.ndarray, np.ndarray]], device: wp.Device) -> "MovingPins":
+        """From rows of (particles, track, their rest positions, pivot)."""
+        particle = _joined([r[0] for r in rows], ())
+        track = _joined([np.full(len(r[0]), r[1]) for r in rows], ())
+        rest = _joined([r[2] for r in rows], (3,))
+        pivot = _joined([np.broadcast_to(r[3], r[2].shape) for r in rows], (3,))
+        return MovingPins(
+            wp.array(particle.astype(np.int32), dtype=wp.int32, device=device),
+            wp.array(track.astype(np.int32), dtype=wp.int32, device=device),
+            wp.array(np.ascontiguousarray(rest), dtype=wp.vec3d, device=device),
+            wp.array(np.ascontiguousarray(pivot), dtype=wp.vec3d, device=device),
+        )
+
+
+def drive_pins(model, world_time: wp.array, time_offset: float, particle_q: wp.array, particle_qd: wp.array) -> None:
+    """Positions and velocities of moving pins at the worlds' time plus ``time_offset`` [s]."""
+    pins = model.moving_pins
+    if len(pins.particle) == 0:
+        return
+    wp.launch(
+        model.kernels.motion.drive_pins,
+        dim=len(pins.particle),
+        inputs=[
+            model.particle_world, pins.particle, pins.track, pins.rest, pins.pivot, model.tracks,
+            world_time, time_offset,
+        ],
+        outputs=[particle_q, particle_qd],
+        device=model.device,
+    )  # fmt: skip

@@ -1,0 +1,222 @@
+"""The model: everything about a simulation that does not change, as arrays on one device."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from . import validate
+from .collision_shapes import CollisionShapes
+from .errors import InputError
+from .kernels import KernelSet, variant_name
+from .kinematics import MovingPins, make_tracks
+from .model_parts import Parts, parts_of_network, parts_of_worlds
+from .obstacles import Obstacle
+
+if TYPE_CHECKING:
+    from .cloth import Cloth
+
+PRECISIONS = {"float32": np.float32, "float64": np.float64}
+
+
+@dataclass(frozen=True)
+class ClothRange:
+    """The particles ``start:stop`` and triangles ``tri_start:tri_stop`` of one cloth in one world."""
+
+    world: int
+    name: str
+    start: int
+    stop: int
+    tri_start: int
+    tri_stop: int
+
+
+class Model:
+    """Particles, springs, triangles and obstacles of one or more independent worlds, on one device.
+
+    Build one with :meth:`build`, :meth:`build_worlds` or :meth:`from_springs`. Names follow Newton's where it has one.
+
+    Attributes:
+        particle_q, particle_qd: initial positions [m] and velocities [m/s], vec3, shape [particle_count].
+        particle_mass, particle_inv_mass: [kg], [1/kg]; the inverse mass of a pinned particle is 0, its mass is not.
+        particle_world: world of each particle, int32. particle_radius: half the cloth's thickness [m].
+        particle_friction: Coulomb coefficient [-].
+        spring_indices: ends of each spring, vec2i, shape [spring_count]. spring_rest_length [m].
+        spring_stiffness: k_s [N]. spring_damping: k_d [N s]. spring_group: 0 in-plane, 1 bending. spring_kind: see
+            :mod:`warpcloth.cloth.springs`.
+        particle_spring_start, particle_spring_ids: the springs of each particle in rising order (compressed rows).
+        tri_indices: corners of each triangle, int32, shape [tri_count, 3].
+        moving_pins, tracks: prescribed motions. shapes: obstacles.
+        cloths: a :class:`ClothRange` for each cloth.
+    """
+
+    def __init__(
+        self,
+        parts: Parts,
+        *,
+        obstacles: Sequence[tuple[int, Obstacle]] = (),
+        world_count: int = 1,
+        device: Any = None,
+        precision: str = "float32",
+        differentiable: bool = False,
+    ):
+        self.precision = validate.choice(precision, tuple(PRECISIONS), "precision")
+        self.device = find_device(device)
+        self.kernels = KernelSet(variant_name(self.precision, differentiable=differentiable))
+        self.world_count = world_count
+        self.particle_count = len(parts.positions)
+        self.spring_count = len(parts.springs)
+        self.tri_count = len(parts.triangles)
+        self.cloths = tuple(ClothRange(*row) for row in parts.ranges)
+        self._upload(parts)
+        self._make_motions(parts, obstacles)
+
+    @property
+    def real(self) -> type:
+        """Warp scalar type of the model's precision."""
+        return self.kernels.precision.real
+
+    @property
+    def vec3(self) -> type:
+        """Warp vector type of the model's precision."""
+        return self.kernels.precision.vec3
+
+    @staticmethod
+    def build(
+        cloths: "Cloth | Iterable[Cloth]",
+        obstacles: "Obstacle | Iterable[Obstacle]" = (),
+        *,
+        device: Any = None,
+        precision: str = "float32",
+        differentiable: bool = False,
+    ) -> "Model":
+        """A model of one world.
+
+        Args:
+            cloths: the cloths, one or several.
+            obstacles: what they collide with.
+            device: Warp device or its name; None is Warp's current default.
+            precision: "float32" or "float64".
+            differentiable: compile the adjoint kernels too.
+
+        Raises:
+            InputError: no cloth, two cloths of one name, an unknown device or precision.
+        """
+        world = (_as_list(cloths), _as_list(obstacles))
+        return Model.build_worlds([world], device=device, precision=precision, differentiable=differentiable)
+
+    @staticmethod
+    def build_worlds(
+        worlds: Sequence[tuple[Sequence["Cloth"], Sequence[Obstacle]]],
+        *,
+        device: Any = None,
+        precision: str = "float32",
+        differentiable: bool = False,
+    ) -> "Model":
+        """A model of independent worlds, each a pair of (cloths, obstacles); arguments as for :meth:`build`."""
+        if not worlds:
+            raise InputError("A model needs at least one world.")
+        obstacles = [(w, obstacle) for w, (_, items) in enumerate(worlds) for obstacle in items]
+        return Model(
+            parts_of_worlds([cloths for cloths, _ in worlds]),
+            obstacles=obstacles,
+            world_count=len(worlds),
+            device=device,
+            precision=precision,
+            differentiable=differentiable,
+        )
+
+    @staticmethod
+    def from_springs(
+        positions: Any,
+        masses: Any,
+        springs: Any,
+        rest_lengths: Any,
+        k_s: Any,
+        k_d: Any,
+        pinned: Sequence[int] = (),
+        *,
+        velocities: Any = None,
+        device: Any = None,
+        precision: str = "float32",
+        differentiable: bool = False,
+    ) -> "Model":
+        """A bare network of particles and springs, in the order given.
+
+        Args:
+            positions: initial positions [m], shape [n, 3]. masses: [kg], scalar or shape [n].
+            springs: particle pairs, int, shape [s, 2]. rest_lengths: [m], scalar or shape [s].
+            k_s: stiffness [N], k_d: damping [N s], scalar or shape [s].
+            pinned: particles that do not move.
+            velocities: initial velocities [m/s], shape [n, 3]; zero if None.
+
+        Raises:
+            InputError: on wrong shapes, non-finite or non-positive values, indices out of range.
+        """
+        parts = parts_of_network(positions, masses, springs, rest_lengths, k_s, k_d, pinned, velocities)
+        return Model(parts, device=device, precision=precision, differentiable=differentiable)
+
+    def array(self, values: Any, dtype: type) -> wp.array:
+        """A Warp array on the model's device."""
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+
+    def _upload(self, parts: Parts) -> None:
+        real, vec3 = self.real, self.vec3
+        self.particle_q = self.array(parts.positions, vec3)
+        self.particle_qd = self.array(parts.velocities, vec3)
+        self.particle_mass = self.array(parts.masses, real)
+        inverse = np.where(parts.pinned, 0.0, 1.0 / parts.masses)
+        self.particle_inv_mass = self.array(inverse, real)
+        self.particle_world = self.array(parts.world, wp.int32)
+        self.particle_radius = self.array(parts.radius, real)
+        self.particle_friction = self.array(parts.friction, real)
+        self.spring_indices = self.array(parts.springs.reshape(-1, 2), wp.vec2i)
+        self.spring_rest_length = self.array(parts.rest_lengths, real)
+        self.spring_stiffness = self.array(parts.stiffness, real)
+        self.spring_damping = self.array(parts.damping, real)
+        self.spring_kind = self.array(parts.kinds.astype(np.int32), wp.int32)
+        self.spring_group = self.array(parts.groups, wp.int32)
+        start, ids = incident_springs(parts.springs, self.particle_count)
+        self.particle_spring_start = self.array(start, wp.int32)
+        self.particle_spring_ids = self.array(ids, wp.int32)
+        self.tri_indices = self.array(parts.triangles.reshape(-1, 3), wp.int32)
+
+    def _make_motions(self, parts: Parts, obstacles: Sequence[tuple[int, Obstacle]]) -> None:
+        motions = [row[1] for row in parts.moving]
+        pins = [(particles, k, rest, pivot) for k, (particles, _, rest, pivot) in enumerate(parts.moving)]
+        rows = []
+        for world, obstacle in obstacles:
+            rows.append((world, obstacle, len(motions) if obstacle.motion is not None else -1))
+            if obstacle.motion is not None:
+                motions.append(obstacle.motion)
+        self.tracks = make_tracks(self.kernels, motions, self.device)
+        self.moving_pins = MovingPins.of(pins, self.device)
+        self.shapes = CollisionShapes(self.kernels, rows, self.world_count, self.device)
+
+
+def incident_springs(springs: np.ndarray, particle_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Compressed rows: spring numbers of each particle in rising order, as (start [n + 1], ids [2 s])."""
+    ends = springs.reshape(-1)
+    ids = np.repeat(np.arange(len(springs)), 2)
+    order = np.lexsort((ids, ends))
+    start = np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=particle_count))])
+    return start.astype(np.int32), ids[order].astype(np.int32)
+
+
+def find_device(device: Any) -> wp.Device:
+    """The Warp device of that name; None is Warp's current default.
+
+    Raises:
+        InputError: there is no such device; the sentence lists those there are.
+    """
+    try:
+        return wp.get_device(device)
+    except (ValueError, RuntimeError) as error:
+        names = ", ".join(str(d) for d in wp.get_devices())
+        raise InputError(f"Device '{device}' is not available; this machine has: {names}.") from error
+
+
+def _as_list(items: Any) -> list:
+    return list(items) if isinstance(items, Iterable) else [items]

@@ -1,0 +1,160 @@
+"""What a model is made from: cloths of all worlds, or a bare network, joined into numpy arrays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import validate
+from .errors import InputError
+from .motion import Motion
+
+if TYPE_CHECKING:
+    from .cloth import Cloth
+
+BEND_KIND = 2
+
+
+@dataclass
+class Parts:
+    """Host arrays in SI units: n particles, s springs, t triangles.
+
+    ``moving`` has a row (particles, motion, their rest positions, pivot) for each group of moving pins; ``ranges`` the
+    fields of a ``ClothRange`` for each cloth.
+    """
+
+    positions: np.ndarray
+    velocities: np.ndarray
+    masses: np.ndarray
+    pinned: np.ndarray
+    world: np.ndarray
+    radius: np.ndarray
+    friction: np.ndarray
+    springs: np.ndarray
+    rest_lengths: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    kinds: np.ndarray
+    triangles: np.ndarray
+    moving: list[tuple[np.ndarray, Motion, np.ndarray, np.ndarray]] = field(default_factory=list)
+    ranges: list[tuple[int, str, int, int, int, int]] = field(default_factory=list)
+
+    @property
+    def groups(self) -> np.ndarray:
+        """0 for in-plane springs, 1 for bending ones, int32, shape [s]."""
+        return (self.kinds == BEND_KIND).astype(np.int32)
+
+
+def parts_of_worlds(worlds: Sequence[Sequence["Cloth"]]) -> Parts:
+    """All cloths of all worlds, one after the other.
+
+    Raises:
+        InputError: a world without cloth, or with two cloths of one name.
+    """
+    pieces, moving, ranges = [], [], []
+    first = tri_first = 0
+    for world, cloths in enumerate(worlds):
+        _check_names(world, cloths)
+        for cloth in cloths:
+            pieces.append(_piece(world, cloth, first))
+            moving += _moving_pins(cloth, first)
+            stop, tri_stop = first + len(cloth.points), tri_first + len(cloth.triangles)
+            ranges.append((world, cloth.name, first, stop, tri_first, tri_stop))
+            first, tri_first = stop, tri_stop
+    joined = [np.concatenate(column) for column in zip(*pieces, strict=True)]
+    return Parts(*joined, moving=moving, ranges=ranges)
+
+
+def _check_names(world: int, cloths: Sequence["Cloth"]) -> None:
+    if not cloths:
+        raise InputError(f"World {world} has no cloth; give each world at least one.")
+    names = [cloth.name for cloth in cloths]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"Two cloths of one world are named '{twice[0]}'; give each its own name.")
+
+
+def _piece(world: int, cloth: "Cloth", first: int) -> tuple[np.ndarray, ...]:
+    n = len(cloth.points)
+    pinned = np.zeros(n, bool)
+    for pin in cloth.pins:
+        pinned[pin.indices] = True
+    velocities = np.where(pinned[:, None], 0.0, np.broadcast_to(cloth.velocity, (n, 3)))
+    net = cloth.springs
+    return (
+        cloth.points, velocities, cloth.masses, pinned,
+        np.full(n, world, np.int32), np.full(n, 0.5 * cloth.fabric.thickness), np.full(n, cloth.fabric.friction),
+        net.indices + first, net.rest_lengths, net.stiffness, net.damping, net.kinds,
+        cloth.triangles + first,
+    )  # fmt: skip
+
+
+def _moving_pins(cloth: "Cloth", first: int) -> list[tuple[np.ndarray, Motion, np.ndarray, np.ndarray]]:
+    rows = []
+    for pin in cloth.pins:
+        if pin.motion is not None:
+            rest = cloth.points[pin.indices]
+            pivot = rest.mean(axis=0) if pin.motion.pivot is None else pin.motion.pivot
+            rows.append((pin.indices + first, pin.motion, rest, pivot))
+    return rows
+
+
+def parts_of_network(
+    positions: Any, masses: Any, springs: Any, rest_lengths: Any, k_s: Any, k_d: Any, pinned: Any, velocities: Any
+) -> Parts:
+    """A checked bare network; arguments as for ``Model.from_springs``."""
+    x = validate.array(positions, "positions", (None, 3))
+    n = len(x)
+    if n == 0:
+        raise InputError("A network needs at least one particle.")
+    ends = validate.array(springs, "springs", (None, 2), np.int32)
+    s = len(ends)
+    _check_ends(ends, n)
+    pins = np.zeros(n, bool)
+    pins[_particle_numbers(pinned, n)] = True
+    v = np.zeros((n, 3)) if velocities is None else validate.array(velocities, "velocities", (n, 3))
+    return Parts(
+        positions=x,
+        velocities=np.where(pins[:, None], 0.0, v),
+        masses=_column(masses, n, "masses", positive=True),
+        pinned=pins,
+        world=np.zeros(n, np.int32),
+        radius=np.full(n, 1.0e-3),
+        friction=np.full(n, 0.5),
+        springs=ends,
+        rest_lengths=_column(rest_lengths, s, "rest_lengths", positive=True),
+        stiffness=_column(k_s, s, "k_s"),
+        damping=_column(k_d, s, "k_d"),
+        kinds=np.zeros(s, np.uint8),
+        triangles=np.zeros((0, 3), np.int32),
+        ranges=[(0, "network", 0, n, 0, 0)],
+    )
+
+
+def _column(values: Any, count: int, what: str, *, positive: bool = False) -> np.ndarray:
+    """``values``, a number or one per item, as float64 of shape [count]; negative ones are refused."""
+    if np.ndim(values) == 0:
+        bound = {"above": 0.0} if positive else {"minimum": 0.0}
+        return np.full(count, validate.number(values, what, **bound))
+    column = validate.array(values, what, (count,))
+    wrong = column <= 0.0 if positive else column < 0.0
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise InputError(f"{what}[{k}] is {column[k]:g}, but must be {'greater than 0' if positive else '0 or greater'}.")
+    return column
+
+
+def _check_ends(ends: np.ndarray, n: int) -> None:
+    wrong = (ends < 0).any(axis=1) | (ends >= n).any(axis=1) | (ends[:, 0] == ends[:, 1])
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise InputError(f"springs[{k}] joins particles {ends[k].tolist()}, but must join two different ones of 0 to {n - 1}.")
+
+
+def _particle_numbers(pinned: Any, n: int) -> np.ndarray:
+    numbers = validate.array(pinned, "pinned", (None,), np.int32)
+    wrong = (numbers < 0) | (numbers >= n)
+    if wrong.any():
+        raise InputError(f"pinned names particle {numbers[wrong][0]}, but particles are numbered 0 to {n - 1}.")
+    return numbers

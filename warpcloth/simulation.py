@@ -1,0 +1,167 @@
+"""The simulation loop: forces → integrator → contact, many substeps a frame, each frame a captured graph."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from . import diagnostics, stability, validate
+from .contact import ObstacleResponse
+from .errors import InputError
+from .forces import Forces, Springs
+from .integrators import make_integrator
+from .model import Model
+from .state import State
+
+REST_SPEED = 0.01  # [m/s] root mean square below which cloth counts as at rest
+REST_TIME = 0.25  # [s] for which it must stay so
+MAX_SUBSTEPS = 100_000
+
+
+class Simulation:
+    """Advances a model in time.
+
+    Args:
+        model: what is simulated.
+        integrator: name of the scheme, see ``warpcloth.integrators()``.
+        gravity: acceleration [m/s²], shape [3], or one per world, shape [world_count, 3].
+        substeps: integrator steps per call of :meth:`step`, or "auto": as few as are stable.
+        contact: whether cloth collides with the obstacles.
+        assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
+        graph: capture each frame as a graph and replay it.
+        check: after each frame, raise if anything is not finite.
+
+    Raises:
+        InputError: on unknown names or numbers out of range.
+        BadStartError: a particle starts inside a solid obstacle.
+
+    Attributes:
+        state: the current :class:`State`; its arrays stay the same objects for the life of the simulation.
+        forces: all :class:`Forces`.
+        time: simulated time [s].
+        substeps: steps per frame in use; 0 before the first frame when "auto".
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        integrator: str = "symplectic_euler",
+        gravity: Any = (0.0, 0.0, -9.81),
+        substeps: int | str = "auto",
+        *,
+        contact: bool = True,
+        assembly: str = "scatter",
+        graph: bool = True,
+        check: bool = True,
+    ):
+        self.model = model
+        self.integrator = make_integrator(integrator, model)
+        self.forces = Forces(model, [Springs(model, assembly)], self._world_gravity(gravity))
+        self.contact = ObstacleResponse(model) if validate.flag(contact, "contact") else None
+        self.state = State.of(model)
+        self._other = self.state.twin()
+        self._auto = isinstance(substeps, str)
+        self._auto_dt = 0.0
+        if self._auto:
+            validate.choice(substeps, ("auto",), "substeps")
+        self.substeps = 0 if self._auto else validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
+        self.graph = validate.flag(graph, "graph")
+        self.check = validate.flag(check, "check")
+        self.time = 0.0
+        self._graphs: dict[tuple[float, int], wp.Graph] = {}
+        self._ran: set[tuple[float, int]] = set()
+        self._rest_since: float | None = None
+        if self.contact is not None:
+            diagnostics.check_start(model, self.state)
+
+    def step(self, dt: float) -> None:
+        """One frame of dt [s] in ``substeps`` equal steps.
+
+        Raises:
+            InputError: dt is not a positive number.
+            DivergedError: (when ``check``) something is no longer finite.
+        """
+        dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
+        if self._auto:
+            self.substeps = self._stable_substeps(dt)
+        self._advance(dt, self.substeps)
+        self.time += dt
+        if self.check:
+            self._look(dt)
+
+    def run(self, frames: int, fps: float = 60.0, on_frame: Callable[["Simulation", int], None] | None = None) -> None:
+        """``frames`` frames of 1/fps [s]; ``on_frame(simulation, number)`` after each, numbers from 1."""
+        dt = 1.0 / validate.number(fps, "fps", above=0.0)
+        for number in range(1, validate.integer(frames, "frames", minimum=0, maximum=10**9) + 1):
+            self.step(dt)
+            if on_frame is not None:
+                on_frame(self, number)
+
+    def energy(self) -> dict[str, float]:
+        """Energies of all worlds [J]: kinetic, spring, bending, gravity (zero at the origin), total."""
+        energies = {"kinetic": diagnostics.kinetic_energy(self.model, self.state), **self.forces.energy(self.state)}
+        energies["total"] = sum(energies.values())
+        return energies
+
+    def metrics(self) -> dict[str, Any]:
+        """Measures of the current state: see :func:`warpcloth.diagnostics.measure`, and ``settled``."""
+        return {**diagnostics.measure(self.model, self.state, self.time), "settled": self.settled}
+
+    @property
+    def settled(self) -> bool:
+        """Whether the root mean square speed has stayed below 0.01 m/s for the last 0.25 s (known when ``check``)."""
+        return self._rest_since is not None and self.time - self._rest_since >= REST_TIME
+
+    def _advance(self, dt: float, substeps: int) -> None:
+        """A frame, from a graph once the same frame has run before (a first run loads the kernels)."""
+        key = (dt, substeps)
+        if not self.graph or key not in self._ran:
+            self._frame(dt, substeps)
+            self._ran.add(key)
+            return
+        if key not in self._graphs:
+            with wp.ScopedCapture(device=self.model.device) as capture:
+                self._frame(dt, substeps)
+            self._graphs = {key: capture.graph}
+        wp.capture_launch(self._graphs[key])
+
+    def _frame(self, dt: float, substeps: int) -> None:
+        now, later = self.state, self._other
+        for _ in range(substeps):
+            self._substep(now, later, dt / substeps)
+            now, later = later, now
+        if now is not self.state:
+            self.state.copy_from(now)
+
+    def _substep(self, now: State, later: State, dt: float) -> None:
+        self.integrator.step(self.model, now, later, self.forces, dt)
+        if self.contact is not None:
+            self.contact.resolve(now, later, dt)
+        wp.launch(
+            self.model.kernels.particles.advance_time,
+            dim=self.model.world_count,
+            inputs=[dt],
+            outputs=[now.world_time],
+            device=self.model.device,
+        )
+
+    def _stable_substeps(self, dt: float) -> int:
+        if self.substeps and dt == self._auto_dt:
+            return self.substeps
+        self._auto_dt = dt
+        return stability.substeps_for(self.model, self.integrator, dt, MAX_SUBSTEPS)
+
+    def _look(self, dt: float) -> None:
+        """Stops on non-finite values; keeps track of rest."""
+        rms_speed = diagnostics.check_finite(self.model, self.state, self.time, self.integrator.name, self.substeps)
+        if rms_speed > REST_SPEED:
+            self._rest_since = None
+        elif self._rest_since is None:
+            self._rest_since = self.time
+
+    def _world_gravity(self, gravity: Any) -> wp.array:
+        count = self.model.world_count
+        shape = (count, 3) if np.ndim(gravity) == 2 else (3,)
+        values = validate.array(gravity, "gravity", shape)
+        return self.model.array(np.broadcast_to(values, (count, 3)), self.model.vec3)

@@ -1,0 +1,46 @@
+"""What changes during a simulation."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import warp as wp
+
+if TYPE_CHECKING:
+    from .model import Model
+
+
+@dataclass(eq=False)
+class State:
+    """Positions, velocities and forces of all particles, and the clock of every world; plain Warp arrays.
+
+    Attributes:
+        particle_q: positions [m], shape [particle_count], vec3 of the model's precision.
+        particle_qd: velocities [m/s], shape [particle_count].
+        particle_f: forces of the latest evaluation [N], shape [particle_count].
+        world_time: time [s], shape [world_count], float64.
+    """
+
+    particle_q: wp.array
+    particle_qd: wp.array
+    particle_f: wp.array
+    world_time: wp.array
+
+    @staticmethod
+    def of(model: "Model") -> "State":
+        """A new state at the model's initial positions and velocities, at time 0."""
+        return State(
+            wp.clone(model.particle_q),
+            wp.clone(model.particle_qd),
+            wp.zeros_like(model.particle_q),
+            wp.zeros(model.world_count, dtype=wp.float64, device=model.device),
+        )
+
+    def twin(self) -> "State":
+        """A state with particle arrays of its own that shares this state's clock."""
+        return State(wp.clone(self.particle_q), wp.clone(self.particle_qd), wp.zeros_like(self.particle_f), self.world_time)
+
+    def copy_from(self, other: "State") -> None:
+        """Positions, velocities and forces of another state; no allocation."""
+        wp.copy(self.particle_q, other.particle_q)
+        wp.copy(self.particle_qd, other.particle_qd)
+        wp.copy(self.particle_f, other.particle_f)
