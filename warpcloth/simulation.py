@@ -29,7 +29,7 @@ class Simulation:
         substeps: integrator steps per call of :meth:`step`, or "auto": as few as are stable.
         contact: whether cloth collides with the obstacles.
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
-        graph: capture each frame as a graph and replay it.
+        graph: capture each frame as a graph and replay it, where the device can.
         check: after each frame, raise if anything is not finite.
 
     Raises:
@@ -66,7 +66,8 @@ class Simulation:
         if self._auto:
             validate.choice(substeps, ("auto",), "substeps")
         self.substeps = 0 if self._auto else validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
-        self.graph = validate.flag(graph, "graph")
+        # Warp records no mesh refit into a CPU graph (1.19), so frames with deforming obstacles run directly there.
+        self.graph = validate.flag(graph, "graph") and not (model.shapes.deforming and model.device.is_cpu)
         self.check = validate.flag(check, "check")
         self.time = 0.0
         self._graphs: dict[tuple[float, int], wp.Graph] = {}
