@@ -14,7 +14,6 @@ from .precision import OPTIONS, real, vec3
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
 
-
 @wp.struct
 class Tracks:
     """Keys of all motions, one after the other; motion k owns keys ``start[k]`` to ``start[k + 1]``."""

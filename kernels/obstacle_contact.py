@@ -115,7 +115,6 @@ def mesh_hit(mesh: wp.uint64, speed: real, dt: real, a_rest: vec3, b: vec3, offs
     length = wp.length(path)
     near = wp.mesh_query_point_no_sign(mesh, to_float3(b), wp.float32(offset + slop))
     if near.result or length > real(0.5) * offset:
-
         if length > real(0.0):
             along = path / length
             ray = wp.mesh_query_ray(mesh, to_float3(a), to_float3(along), wp.float32(length))

@@ -65,9 +65,7 @@ def hanging_chain(count: int) -> float:
     x[:, 2] = -0.27 * np.sin(np.pi * x[:, 0] / span)
     masses = np.full(count + 1, mass / count)
     springs = np.stack([np.arange(count), np.arange(1, count + 1)], axis=1)
-    model = wc.Model.from_springs(
-        x, masses, springs, rest, k_s, 0.02 * count * rest, [0, count], precision="float64"
-    )
+    model = wc.Model.from_springs(x, masses, springs, rest, k_s, 0.02 * count * rest, [0, count], precision="float64")
     sim = wc.Simulation(model, gravity=(0, 0, -9.81))
     settle(sim, 2400)
     return -sim.state.particle_q.numpy()[:, 2].min()

@@ -73,7 +73,7 @@ def check_finite(model: Model, state: State, time: float, integrator: str, subst
         where = f" of world {world}" if model.world_count > 1 else ""
         raise DivergedError(
             f"The simulation diverged: {bad[world]} particles{where} are not finite at {time:.4g} s with {integrator} "
-            f"and {substeps} substeps; use substeps=\"auto\", more substeps, or an implicit integrator."
+            f'and {substeps} substeps; use substeps="auto", more substeps, or an implicit integrator.'
         )
     return float(rms_speed.max())
 

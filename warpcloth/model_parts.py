@@ -141,7 +141,9 @@ def _column(values: Any, count: int, what: str, *, positive: bool = False) -> np
     wrong = column <= 0.0 if positive else column < 0.0
     if wrong.any():
         k = int(np.argmax(wrong))
-        raise InputError(f"{what}[{k}] is {column[k]:g}, but must be {'greater than 0' if positive else '0 or greater'}.")
+        raise InputError(
+            f"{what}[{k}] is {column[k]:g}, but must be {'greater than 0' if positive else '0 or greater'}."
+        )
     return column
 
 
@@ -149,7 +151,9 @@ def _check_ends(ends: np.ndarray, n: int) -> None:
     wrong = (ends < 0).any(axis=1) | (ends >= n).any(axis=1) | (ends[:, 0] == ends[:, 1])
     if wrong.any():
         k = int(np.argmax(wrong))
-        raise InputError(f"springs[{k}] joins particles {ends[k].tolist()}, but must join two different ones of 0 to {n - 1}.")
+        raise InputError(
+            f"springs[{k}] joins particles {ends[k].tolist()}, but must join two different ones of 0 to {n - 1}."
+        )
 
 
 def _particle_numbers(pinned: Any, n: int) -> np.ndarray:

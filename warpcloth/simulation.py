@@ -8,7 +8,6 @@ import warp as wp
 
 from . import diagnostics, stability, validate
 from .contact import ObstacleResponse
-from .errors import InputError
 from .forces import Forces, Springs
 from .integrators import make_integrator
 from .model import Model

@@ -37,7 +37,9 @@ class State:
 
     def twin(self) -> "State":
         """A state with particle arrays of its own that shares this state's clock."""
-        return State(wp.clone(self.particle_q), wp.clone(self.particle_qd), wp.zeros_like(self.particle_f), self.world_time)
+        return State(
+            wp.clone(self.particle_q), wp.clone(self.particle_qd), wp.zeros_like(self.particle_f), self.world_time
+        )
 
     def copy_from(self, other: "State") -> None:
         """Positions, velocities and forces of another state; no allocation."""
