@@ -72,7 +72,7 @@ def penetration(
 ):
     """Depth of each particle below the true surface of the solid it is deepest in [m]; 0 outside.
 
-    Inside a mesh means a generalised winding number above one half (Jacobson et al. 2013), so open meshes have no inside.
+    Inside a mesh means a generalised winding number above one half (Jacobson et al. 2013); open meshes have no inside.
     """
     i = wp.tid()
     w = particle_world[i]

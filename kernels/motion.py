@@ -1,8 +1,8 @@
 """Keyframed rigid motion, evaluated on the device so that a captured graph needs no host.
 
-A motion maps a rest position x₀ to x(t) = c + R(t)(x₀ − c) + p(t) about a pivot c. p and the rotation vector θ of R = exp(θ×)
-are interpolated component-wise between keys, linearly or with smoothstep easing. All of it in float64: few particles
-and shapes use it, and differences of large times must stay exact.
+A motion maps a rest position x₀ to x(t) = c + R(t)(x₀ − c) + p(t) about a pivot c. p and the rotation vector θ of
+R = exp(θ×) are interpolated component-wise between keys, linearly or with smoothstep easing. All of it in float64: few
+particles and shapes use it, and differences of large times must stay exact.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """Response of particles to obstacles at the end of a step: non-penetration, restitution, Coulomb friction.
 
-For each particle the step gave a path from x₀ to x₁ and a velocity v₁. A contact is a point of the shape's surface moved
-out by the contact distance, with its normal n and the displacement of the obstacle's material there. Then
+For each particle the step gave a path from x₀ to x₁ and a velocity v₁. A contact is a point of the shape's surface
+moved out by the contact distance, with its normal n and the displacement of the obstacle's material there. Then
 
 * the normal velocity relative to the obstacle becomes −e times the approach speed from *before* the step (so that a
   resting particle, which gravity accelerates within each step, does not bounce);
@@ -100,8 +100,8 @@ def face_normal(mesh: wp.uint64, face: int):
 def mesh_hit(mesh: wp.uint64, speed: real, dt: real, a_rest: vec3, b: vec3, offset: real, slop: real):
     """Contact of the path a → b with a triangle mesh, either side, grown by ``offset``.
 
-    A deforming mesh (``speed`` > 0, its greatest [m/s]) lies here as at the end of the step; the path's start is carried
-    along with the surface nearest to it.
+    A deforming mesh (``speed`` > 0, its greatest [m/s]) lies here as at the end of the step; the path's start is
+    carried along with the surface nearest to it.
     """
     hit = Hit()
     a = a_rest
@@ -114,20 +114,19 @@ def mesh_hit(mesh: wp.uint64, speed: real, dt: real, a_rest: vec3, b: vec3, offs
     path = b - a
     length = wp.length(path)
     near = wp.mesh_query_point_no_sign(mesh, to_float3(b), wp.float32(offset + slop))
-    if near.result or length > real(0.5) * offset:
-        if length > real(0.0):
-            along = path / length
-            ray = wp.mesh_query_ray(mesh, to_float3(a), to_float3(along), wp.float32(length))
-            if ray.result:
-                n = face_normal(mesh, ray.face)
-                if wp.dot(n, along) > real(0.0):
-                    n = -n
-                on = surface_point(mesh, ray.face, ray.u, ray.v)
-                hit.found = 1
-                hit.normal = n
-                hit.gap = wp.dot(b - on, n) - offset
-                hit.start_gap = wp.dot(a - on, n) - offset
-                return hit
+    if (near.result or length > real(0.5) * offset) and length > real(0.0):
+        along = path / length
+        ray = wp.mesh_query_ray(mesh, to_float3(a), to_float3(along), wp.float32(length))
+        if ray.result:
+            n = face_normal(mesh, ray.face)
+            if wp.dot(n, along) > real(0.0):
+                n = -n
+            on = surface_point(mesh, ray.face, ray.u, ray.v)
+            hit.found = 1
+            hit.normal = n
+            hit.gap = wp.dot(b - on, n) - offset
+            hit.start_gap = wp.dot(a - on, n) - offset
+            return hit
     if near.result:
         on = surface_point(mesh, near.face, near.u, near.v)
         away = b - on
@@ -175,10 +174,7 @@ def resolve(
     if impulse > real(0.0):
         tangential = v - vn * n
         slip = wp.length(tangential)
-        if slip <= friction * impulse:
-            keep = real(0.0)
-        else:
-            keep = real(1.0) - friction * impulse / slip
+        keep = wp.max(real(1.0) - friction * impulse / wp.max(slip, real(1.0e-30)), real(0.0))
         v = keep * tangential + (vn + impulse) * n
     out.v = v + surface_velocity
     resting = wp.abs(start_gap) <= slop

@@ -171,7 +171,8 @@ def test_cloth_rides_on_a_moving_obstacle_without_slipping():
 
 def test_deforming_mesh_carries_cloth_up():
     points = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
-    samples = np.stack([points, points + [0, 0, 0.5], points + [0, 0, 0.5]])
+    raised = points + np.array([0, 0, 0.5])
+    samples = np.stack([points, raised, raised])
     sheet = wc.MeshObstacle(points, [[0, 1, 2], [0, 2, 3]], sample_times=[0, 0.5, 1.5], sample_points=samples)
     sim = wc.Simulation(wc.Model.build(patch(transform=(0, 0, 0.003)), sheet))
     sim.run(90)

@@ -102,7 +102,7 @@ def _depths(kernels, particle_world, shapes: CollisionShapes, particle_q, place,
 
 
 def penetration(points: np.ndarray, obstacles: Sequence[Obstacle], t: float = 0.0) -> float:
-    """Greatest depth [m] of points (n, 3) below the true surface of any of the obstacles at time t [s]; 0 if outside."""
+    """Greatest depth [m] of points (n, 3) below the true surface of any obstacle at time t [s]; 0 outside."""
     if len(obstacles) == 0 or len(points) == 0:
         return 0.0
     kernels, device = KernelSet("float32"), wp.get_device("cpu")
@@ -180,8 +180,8 @@ def measure(model: Model, state: State, time: float) -> dict[str, Any]:
 
     Returns:
         ``time`` [s], ``mean_strain`` and ``max_strain`` (of |strain| over the structural springs [-]), ``max_speed``
-        [m/s], ``max_penetration_m`` (below the obstacles' true surfaces [m]), ``intersections`` (crossing pairs of cloth
-        triangles).
+        [m/s], ``max_penetration_m`` (below the obstacles' true surfaces [m]), ``intersections`` (crossing pairs of
+        cloth triangles).
     """
     strain = np.abs(spring_strain(model, state)[model.spring_kind.numpy() == 0])
     return {

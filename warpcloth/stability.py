@@ -1,11 +1,11 @@
 """How large a step may be: the fastest frequency of a spring network, and the steps that follow from it.
 
-A network near equilibrium moves as M x″ + C x′ + K x = 0. Its fastest frequency is ω² = λ_max(M⁻¹K), its strongest damping
-γ = λ_max(M⁻¹C). Both are found by power iteration on the host, once per model.
+A network near equilibrium moves as M x″ + C x′ + K x = 0. Its fastest frequency is ω² = λ_max(M⁻¹K), its strongest
+damping γ = λ_max(M⁻¹C). Both are found by power iteration on the host, once per model.
 
 K depends on where the springs point. But every spring obeys K_e ⪯ (k_s/r) I whatever its direction and tension, so the
-network in which all springs act in all directions (the weighted graph Laplacian) bounds every configuration: that is what
-automatic substeps use, and why they hold when cloth crumples. On square grids it costs about a quarter more substeps
+network in which all springs act in all directions (the weighted graph Laplacian) bounds every configuration: that is
+what automatic substeps use, and why they hold when cloth crumples. On square grids it costs about a quarter more substeps
 than the flat rest pose would need.
 """
 
@@ -97,7 +97,7 @@ def substeps_for(model: "Model", integrator: "Integrator", dt: float, most: int)
     count = max(1, math.ceil(dt / step))
     if count > most:
         raise SimulationError(
-            f"{integrator.name} would need {count} substeps per frame of {dt:g} s to be stable; use a softer or heavier "
-            "fabric, a coarser mesh, or an implicit integrator."
+            f"{integrator.name} would need {count} substeps per frame of {dt:g} s to be stable; use a softer or "
+            "heavier fabric, a coarser mesh, or an implicit integrator."
         )
     return count

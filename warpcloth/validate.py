@@ -20,11 +20,7 @@ LARGEST = 1e12  # beyond this no SI quantity of cloth is meant, and products wou
 
 
 def number(
-<<<<<<< HEAD
     value: Any, what: str, *, above: float | None = None, minimum: float | None = None, maximum: float = LARGEST
-=======
-    value: Any, what: str, *, above: float | None = None, minimum: float | None = None, maximum=LARGEST
->>>>>>> fa9ded0 (Format; list the simulator's packages)
 ) -> float:
     """A finite float, ``> above`` or ``>= minimum``, and ``<= maximum``."""
     low = -LARGEST if minimum is None else minimum

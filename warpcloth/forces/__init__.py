@@ -1,4 +1,4 @@
-"""Forces: terms over one model, summed by :class:`Forces`. A new term is one kernel file, one class and one line here."""
+"""Forces: terms over one model, summed by :class:`Forces`. A new one is a kernel file, a class and one line here."""
 
 from .base import Forces, ForceTerm
 from .springs import ASSEMBLIES, Springs
