@@ -163,11 +163,11 @@ def count_intersections(
     s = wp.tid()
     world = particle_world[tri_indices[s, 0]]
     query = wp.bvh_query_aabb(bvh, lower[s], upper[s])
-    t = 0
+    t = int(0)
     while wp.bvh_query_next(query, t):
         if t <= s or particle_world[tri_indices[t, 0]] != world:
             continue
-        shared = 0
+        shared = int(0)
         for k in range(3):
             for m in range(3):
                 if tri_indices[s, k] == tri_indices[t, m]:

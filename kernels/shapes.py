@@ -178,7 +178,7 @@ def sampled_point(times: wp.array(dtype=wp.float64), points: wp.array2d(dtype=wp
         return points[0, i]
     if t >= times[last]:
         return points[last, i]
-    k = 0
+    k = int(0)
     while k + 1 < last and times[k + 1] <= t:
         k += 1
     a = wp.float32((t - times[k]) / (times[k + 1] - times[k]))
