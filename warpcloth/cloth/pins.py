@@ -71,7 +71,7 @@ def pin_box(lower: Any, upper: Any, motion: Motion | None = None) -> PinSpec:
 
 def pin_nearest(points: Any, motion: Motion | None = None) -> PinSpec:
     """Pins the vertex nearest to each of the world-space ``points`` (k, 3) or to one point (3,) [m]."""
-    shape = (3,) if np.size(points) == 3 else (None, 3)
+    shape = (3,) if np.ndim(np.asarray(points, dtype=object)) == 1 else (None, 3)
     targets = validate.array(points, "pin_nearest: points", shape).reshape(-1, 3)
     if len(targets) == 0:
         raise InputError("Pin_nearest: at least one point is needed.")

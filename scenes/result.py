@@ -1,0 +1,58 @@
+"""What a simulated scene amounted to."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class SimulationResult:
+    """Figures of one run; the state's are those of the last frame.
+
+    Attributes:
+        scene: Name of the scene.
+        integrator: Name of the integrator.
+        precision: ``float32`` or ``float64``.
+        device: Device it ran on.
+        frames: Frames simulated; the file has one more, the start.
+        fps: Frames per second.
+        substeps: Integration steps per frame.
+        particles: Number of particles.
+        springs: Number of springs.
+        triangles: Number of triangles.
+        ms_per_frame: Median wall time of a frame without writing it [ms], the first frame aside where there are others.
+        compile_s: Wall time of what happens once [s]: building the model, loading or compiling kernels.
+        wall_s: Wall time of everything, writing included [s].
+        mean_strain: Mean of the springs' |strain|.
+        max_strain: Largest |strain| of a spring.
+        intersections: Pairs of cloth triangles that cross.
+        max_penetration_m: Greatest depth of a particle below an obstacle's surface [m].
+        settled: Whether the cloth has come to rest.
+        interrupted: Whether it was stopped before its last frame.
+        output: The cache that was written.
+    """
+
+    scene: str
+    integrator: str
+    precision: str
+    device: str
+    frames: int
+    fps: float
+    substeps: int
+    particles: int
+    springs: int
+    triangles: int
+    ms_per_frame: float
+    compile_s: float
+    wall_s: float
+    mean_strain: float
+    max_strain: float
+    intersections: int
+    max_penetration_m: float
+    settled: bool
+    interrupted: bool
+    output: Path
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures by name."""
+        return asdict(self)

@@ -1,0 +1,170 @@
+"""From a scene to a USD cache: build, step, write, measure."""
+
+import statistics
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+
+from warpcloth.model import Model
+from warpcloth.simulation import Simulation
+
+from .interrupt import stop_on_interrupt
+from .load import load_scene
+from .result import SimulationResult
+from .schema import Scene
+from .usd import CacheWriter
+
+OnFrame = Callable[[int, int, Simulation], None]
+
+
+def simulate(
+    scene: Scene | str | Path,
+    output: str | Path | None = None,
+    *,
+    frames: int | None = None,
+    integrator: str | None = None,
+    substeps: int | str | None = None,
+    device: str | None = None,
+    precision: str | None = None,
+    on_frame: OnFrame | None = None,
+) -> SimulationResult:
+    """Simulate a scene and write it as a USD cache.
+
+    The file grows under another name and gets its own once it is complete. Ctrl-C ends it after the frame in hand;
+    a simulation that diverges leaves no file.
+
+    Args:
+        scene: A scene, the name of a bundled one, or the path of a scene file.
+        output: File to write, ``.usdc``, ``.usda`` or ``.usdz``; by default the scene's name in the current folder.
+        frames: Frames to simulate; by default as many as the scene says. Likewise the following.
+        integrator: Name of the integrator.
+        substeps: Integration steps per frame, or ``"auto"``.
+        device: Warp device, e.g. ``"cpu"`` or ``"cuda:0"``; ``"auto"`` for Warp's default.
+        precision: ``"float32"`` or ``"float64"``.
+        on_frame: Called after each frame with its number, the number of frames, and the simulation.
+
+    Raises:
+        InputError: The scene, an option or the output is not valid.
+        BadStartError: Cloth starts inside an obstacle.
+        DivergedError: The simulation diverged.
+        KeyboardInterrupt: Interrupted before there was a first frame to keep.
+    """
+    options = {"frames": frames}
+    options |= {
+        f"simulation.{key}": value
+        for key, value in (
+            ("integrator", integrator), ("substeps", substeps), ("device", device), ("precision", precision)
+        )
+    }  # fmt: skip
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    chosen = loaded.changed({key: value for key, value in options.items() if value is not None})
+    return _Run(chosen, Path(f"{chosen.name}.usdc") if output is None else Path(output)).result(on_frame)
+
+
+class _Run:
+    """One scene on its way to a file."""
+
+    def __init__(self, scene: Scene, output: Path):
+        self.begun = time.perf_counter()
+        self.scene, self.output = scene, output
+        self.cloths, self.obstacles = scene.build()
+        self.network = scene.build_network()
+        self.built = time.perf_counter()
+        self.frame_times: list[float] = []
+
+    def result(self, on_frame: OnFrame | None) -> SimulationResult:
+        """Simulate, write, and say how it went."""
+        with stop_on_interrupt() as stop, self._writer() as writer:
+            simulation = self._simulation()
+            self._write(writer, 0, simulation)
+            for number in range(1, self.scene.frames + 1):
+                self._step(simulation)
+                self._write(writer, number, simulation)
+                if on_frame is not None:
+                    on_frame(number, self.scene.frames, simulation)
+                if stop.made:
+                    break
+        return self._figures(simulation)
+
+    def _writer(self) -> CacheWriter:
+        shown = self.cloths if self.network is None else [self.network]
+        return CacheWriter(self.output, shown, self.obstacles, self.scene.fps, self._provenance())
+
+    def _provenance(self) -> dict[str, Any]:
+        options = self.scene.simulation
+        return {
+            "version": version("warpcloth"),
+            "scene": self.scene.name,
+            "integrator": options.integrator,
+            "substeps": str(options.substeps),
+            "precision": options.precision,
+            "device": options.device,
+            "seed": self.scene.seed,
+        }
+
+    def _simulation(self) -> Simulation:
+        options = self.scene.simulation
+        self.model = self._model(None if options.device == "auto" else options.device, options.precision)
+        simulation = Simulation(
+            self.model,
+            integrator=options.integrator,
+            gravity=options.gravity,
+            substeps=options.substeps,
+            contact=options.contact,
+        )
+        self.ready = time.perf_counter()
+        return simulation
+
+    def _model(self, device: str | None, precision: str) -> Model:
+        net = self.network
+        if net is None:
+            return Model.build(self.cloths, self.obstacles, device=device, precision=precision)
+        laws = (net.springs, net.rest_lengths, net.k_s, net.k_d)
+        return Model.from_springs(net.positions, net.masses, *laws, net.pinned, device=device, precision=precision)
+
+    def _step(self, simulation: Simulation) -> None:
+        begun = time.perf_counter()
+        simulation.step(1.0 / self.scene.fps)
+        wp.synchronize_device(self.model.device)
+        self.frame_times.append(time.perf_counter() - begun)
+
+    def _write(self, writer: CacheWriter, frame: int, simulation: Simulation) -> None:
+        points, velocities = simulation.state.particle_q.numpy(), simulation.state.particle_qd.numpy()
+        ranges = {cloth.name: slice(cloth.start, cloth.stop) for cloth in self.model.cloths}
+        if self.network is not None:
+            ranges = {self.network.name: slice(None)}
+        writer.write(
+            frame,
+            {name: points[part] for name, part in ranges.items()},
+            {name: velocities[part] for name, part in ranges.items()},
+        )
+
+    def _figures(self, simulation: Simulation) -> SimulationResult:
+        model, measured = self.model, simulation.metrics()
+        typical = statistics.median(self.frame_times[1:] or self.frame_times)
+        return SimulationResult(
+            scene=self.scene.name,
+            integrator=self.scene.simulation.integrator,
+            precision=self.scene.simulation.precision,
+            device=str(model.device),
+            frames=len(self.frame_times),
+            fps=self.scene.fps,
+            substeps=simulation.substeps,
+            particles=model.particle_count,
+            springs=model.spring_count,
+            triangles=model.tri_count,
+            ms_per_frame=1e3 * typical,
+            compile_s=max(0.0, self.ready - self.built + self.frame_times[0] - typical),
+            wall_s=time.perf_counter() - self.begun,
+            mean_strain=measured["mean_strain"],
+            max_strain=measured["max_strain"],
+            intersections=measured["intersections"],
+            max_penetration_m=measured["max_penetration_m"],
+            settled=measured["settled"],
+            interrupted=len(self.frame_times) < self.scene.frames,
+            output=self.output.absolute(),
+        )

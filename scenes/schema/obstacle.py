@@ -1,0 +1,112 @@
+"""Obstacles of a scene: one table for each shape."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+
+from warpcloth import obstacles
+from warpcloth.transforms import placement
+
+from .files import MeshPath, PrimPath, mesh_source
+from .motion import MotionTable
+from .table import Table, field
+from .values import FRACTION, Color, Name, Number, Point, Turn, Vector, at_least_zero, positive
+
+
+class ObstacleTable(Table):
+    """What all obstacles have in common."""
+
+    name: Name | None = field(None, "Name in the USD file; by default the shape, numbered if it occurs again.")
+    thickness: Annotated[float, at_least_zero("m", 1.0)] = field(
+        0.001, "Distance that cloth is kept from the surface, besides half the fabric's own thickness."
+    )
+    friction: Annotated[float, at_least_zero("", 10.0)] = field(
+        0.5, "Coulomb coefficient; a pair has the geometric mean of the obstacle's and the fabric's."
+    )
+    restitution: Annotated[float, FRACTION] = field(0.0, "Part of the normal speed that an impact gives back.")
+    color: Color = field((0.45, 0.45, 0.48), "Display colour, linear RGB.")
+    motion: MotionTable | None = field(None, "Motion along keyframes; without it the obstacle stands still.")
+
+    def build(self, name: str, folder: Path) -> Any:
+        """The simulator's obstacle.
+
+        Args:
+            name: Name to give it.
+            folder: Folder that relative mesh paths start from.
+        """
+        motion = None if self.motion is None else self.motion.build()
+        common = {"name": name, "motion": motion, "color": self.color}
+        common |= {key: getattr(self, key) for key in ("thickness", "friction", "restitution")}
+        return self.shaped(folder, common)
+
+    def shaped(self, folder: Path, common: dict[str, Any]) -> Any:
+        """The obstacle of this shape, given what it has in common with the others."""
+        raise NotImplementedError
+
+
+class PlaneTable(ObstacleTable):
+    """An infinite plane; everything below it is solid."""
+
+    shape: Literal["plane"] = field(..., '`"plane"`')
+    point: Point = field((0.0, 0.0, 0.0), "A point of the plane.")
+    normal: Annotated[tuple[float, float, float], Vector("x y z", Number("", -1e4, 1e4))] = field(
+        (0.0, 0.0, 1.0), "Direction out of the solid; of any length but zero."
+    )
+
+    def shaped(self, folder: Path, common: dict[str, Any]) -> obstacles.Plane:
+        return obstacles.Plane(point=self.point, normal=self.normal, **common)
+
+
+class SphereTable(ObstacleTable):
+    """A ball."""
+
+    shape: Literal["sphere"] = field(..., '`"sphere"`')
+    center: Point = field(..., "Centre.")
+    radius: Annotated[float, positive("m")] = field(..., "Radius.")
+
+    def shaped(self, folder: Path, common: dict[str, Any]) -> obstacles.Sphere:
+        return obstacles.Sphere(center=self.center, radius=self.radius, **common)
+
+
+class CapsuleTable(ObstacleTable):
+    """A cylinder with round ends: all points within a radius of a line segment."""
+
+    shape: Literal["capsule"] = field(..., '`"capsule"`')
+    start: Point = field(..., "One end of the segment.")
+    end: Point = field(..., "Its other end.")
+    radius: Annotated[float, positive("m")] = field(..., "Radius.")
+
+    def shaped(self, folder: Path, common: dict[str, Any]) -> obstacles.Capsule:
+        return obstacles.Capsule(start=self.start, end=self.end, radius=self.radius, **common)
+
+
+class BoxTable(ObstacleTable):
+    """A solid box."""
+
+    shape: Literal["box"] = field(..., '`"box"`')
+    center: Point = field(..., "Centre.")
+    size: Annotated[tuple[float, float, float], Vector("x y z", positive("m"))] = field(..., "Full edge lengths.")
+    rotation: Turn = field((0.0, 0.0, 0.0), "Rotation vector (axis times angle) about the centre.")
+
+    def shaped(self, folder: Path, common: dict[str, Any]) -> obstacles.Box:
+        return obstacles.Box(center=self.center, size=self.size, rotation=np.radians(self.rotation), **common)
+
+
+class MeshObstacleTable(ObstacleTable):
+    """A triangle mesh read from a file."""
+
+    shape: Literal["mesh"] = field(..., '`"mesh"`')
+    path: MeshPath
+    prim: PrimPath
+    position: Point = field((0.0, 0.0, 0.0), "Where the file's origin goes.")
+    rotation: Turn = field((0.0, 0.0, 0.0), "Rotation vector (axis times angle) about the file's origin.")
+    scale: Annotated[float, positive("", 1e6)] = field(1.0, "Scale about the file's origin.")
+
+    def shaped(self, folder: Path, common: dict[str, Any]) -> obstacles.MeshObstacle:
+        transform = placement(self.position, np.radians(self.rotation), self.scale)
+        source = mesh_source(self.path, folder)
+        return obstacles.MeshObstacle.from_mesh(source, prim=self.prim, transform=transform, **common)
+
+
+OBSTACLES = (PlaneTable, SphereTable, CapsuleTable, BoxTable, MeshObstacleTable)

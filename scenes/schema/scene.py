@@ -1,0 +1,157 @@
+"""The whole scene: what a scene file holds."""
+
+import dataclasses
+import functools
+import operator
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import Discriminator, Field, PrivateAttr, ValidationError, model_validator
+
+from warpcloth.cloth import Cloth
+from warpcloth.errors import InputError, SceneError
+
+from .cloth import DiscTable, GridTable, MeshClothTable
+from .messages import explain
+from .network import Network, NetworkTable
+from .obstacle import BoxTable, CapsuleTable, MeshObstacleTable, PlaneTable, SphereTable
+from .simulation import SimulationTable
+from .table import Table, field
+from .values import MOST_FRAMES, Number, Text, positive, refuse
+
+AnyCloth = Annotated[GridTable | DiscTable | MeshClothTable, Discriminator("shape")]
+AnyObstacle = Annotated[PlaneTable | SphereTable | CapsuleTable | BoxTable | MeshObstacleTable, Discriminator("shape")]
+
+
+class Scene(Table):
+    """A scene: cloths (or a network of springs), obstacles, and how long and how finely they are simulated."""
+
+    title: Annotated[str, Text(what="a title", most=200)] = field("", "One line for lists of scenes.")
+    description: Annotated[str, Text(what="a description")] = field("", "What there is to see.")
+    frames: Annotated[int, Number("", 1, MOST_FRAMES, whole=True)] = field(
+        120, "Frames to simulate; the file begins with frame 0, the start, and ends with this one."
+    )
+    fps: Annotated[float, positive("1/s", 1e5)] = field(24.0, "Frames per second.")
+    seed: Annotated[int, Number("", 0, 2**32 - 1, whole=True)] = field(0, "Seed of all random numbers in the scene.")
+    simulation: SimulationTable = field(SimulationTable(), "How it is simulated.")
+    cloth: list[AnyCloth] = Field([], description="The cloths.", max_length=10_000)
+    obstacle: list[AnyObstacle] = Field([], description="What the cloths collide with.", max_length=10_000)
+    network: NetworkTable | None = field(None, "A bare network of springs instead of cloths.")
+
+    _name: str = PrivateAttr("scene")
+    _folder: Path = PrivateAttr(Path())
+
+    @property
+    def name(self) -> str:
+        """Name of the scene: that of its file, without the ending."""
+        return self._name
+
+    @property
+    def folder(self) -> Path:
+        """Folder that relative mesh paths start from."""
+        return self._folder
+
+    @property
+    def cloth_names(self) -> list[str]:
+        """Names of the cloths, as given or made up."""
+        return _names([(table.name, "cloth") for table in self.cloth])
+
+    @property
+    def obstacle_names(self) -> list[str]:
+        """Names of the obstacles, as given or made up."""
+        return _names([(table.name, table.shape) for table in self.obstacle])
+
+    def placed(self, name: str, folder: Path) -> Self:
+        """The same scene, with a name and the folder that its mesh paths start from."""
+        scene = self.model_copy()
+        scene._name, scene._folder = name, folder
+        return scene
+
+    def changed(self, values: Mapping[str, Any]) -> Self:
+        """The same scene with some fields changed, and validated again.
+
+        Args:
+            values: By dotted path of the field, e.g. ``{"frames": 10, "simulation.substeps": 4}``.
+
+        Raises:
+            SceneError: A value is not one that its field can have.
+        """
+        data = self.model_dump()
+        for path, value in values.items():
+            *tables, key = path.split(".")
+            functools.reduce(operator.getitem, tables, data)[key] = value
+        try:
+            return type(self).model_validate(data).placed(self._name, self._folder)
+        except ValidationError as error:
+            raise SceneError(explain(error)) from None
+
+    @model_validator(mode="after")
+    def _something_to_simulate(self) -> Self:
+        if not self.cloth and self.network is None:
+            raise refuse("must have a [[cloth]] or a [network] to simulate")
+        if self.network is not None and (self.cloth or self.obstacle):
+            other = "[[cloth]]" if self.cloth else "[[obstacle]]"
+            raise refuse(f"must not have {other} beside a [network], which is simulated alone")
+        return self
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> Self:
+        given = [table.name for table in (*self.cloth, *self.obstacle) if table.name is not None]
+        twice = [name for name, count in Counter(given).items() if count > 1]
+        if twice:
+            raise refuse(f"must give every cloth and obstacle its own name, but {twice[0]!r} occurs twice")
+        return self
+
+    def build(self) -> tuple[list[Cloth], list[Any]]:
+        """The simulator's cloths and obstacles; both empty for a network (see :meth:`build_network`).
+
+        Raises:
+            InputError: A mesh that cannot be read, a pin that finds no vertex, …; the message names the table.
+        """
+        cloths = [
+            self._jittered(_located(f"cloth.{index}", table.build, name, self._folder), table.jitter, index)
+            for index, (table, name) in enumerate(zip(self.cloth, self.cloth_names, strict=True))
+        ]
+        obstacles = [
+            _located(f"obstacle.{index}", table.build, name, self._folder)
+            for index, (table, name) in enumerate(zip(self.obstacle, self.obstacle_names, strict=True))
+        ]
+        return cloths, obstacles
+
+    def build_network(self) -> Network | None:
+        """The network of springs as arrays, or ``None`` where the scene has cloths."""
+        return None if self.network is None else self.network.build()
+
+    def _jittered(self, cloth: Cloth, deviation: float, index: int) -> Cloth:
+        """The cloth with its unpinned points displaced at random; its springs keep their rest lengths."""
+        if deviation == 0.0:
+            return cloth
+        noise = np.random.default_rng([self.seed, index]).normal(0.0, deviation, cloth.points.shape)
+        for pin in cloth.pins:
+            noise[pin.indices] = 0.0
+        return dataclasses.replace(cloth, points=cloth.points + noise)
+
+
+def _located(where: str, build: Any, *arguments: Any) -> Any:
+    """What ``build`` returns; its errors say which table of the scene they are about."""
+    try:
+        return build(*arguments)
+    except InputError as error:
+        raise SceneError(f"{where}: {error}") from error
+
+
+def _names(wanted: list[tuple[str | None, str]]) -> list[str]:
+    """Given names as they are; the others from their kind, numbered where that occurs more than once."""
+    taken = {name for name, _ in wanted if name is not None}
+    names = []
+    for name, kind in wanted:
+        number, candidate = 1, kind
+        while name is None and candidate in taken:
+            number += 1
+            candidate = f"{kind}_{number}"
+        names.append(name or candidate)
+        taken.add(names[-1])
+    return names

@@ -1,0 +1,68 @@
+"""The commands, and what they have in common."""
+
+import functools
+import inspect
+from collections.abc import Callable
+from importlib.metadata import version
+from types import ModuleType
+from typing import Annotated, Any
+
+import typer
+
+from . import check, integrators, scenes, simulate
+from .report import Report, print_report
+from .terminal import quiet_warp, stdout_for_results
+
+COMMANDS: tuple[ModuleType, ...] = (simulate, scenes, check, integrators)
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show Warp's messages and the traceback of an error.")]
+
+
+def build_app() -> typer.Typer:
+    """The application with all commands."""
+    app = typer.Typer(
+        name="warpcloth",
+        help="Cloth simulation on NVIDIA Warp: scenes in, USD caches out.",
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+    app.callback()(_root)
+    for module in COMMANDS:
+        app.command(module.__name__.rpartition(".")[2])(with_report(module.command))
+    return app
+
+
+def with_report(command: Callable[..., Report]) -> Callable[..., int]:
+    """A command as typer wants it: with ``--json`` and ``--debug``, printing its report, returning its exit code."""
+
+    @functools.wraps(command)
+    def run(*arguments: Any, json: bool, debug: bool, **options: Any) -> int:
+        with stdout_for_results() as stdout, quiet_warp(not debug):
+            report = command(*arguments, **options)
+        print_report(report, stdout, as_json=json)
+        return report.exit_code
+
+    signature = inspect.signature(command)
+    common = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
+        for name, annotation in (("json", AsJson), ("debug", Debug))
+    ]
+    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *common])  # type: ignore[attr-defined]
+    run.__annotations__ = {**command.__annotations__, "json": AsJson, "debug": Debug}
+    return run
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"warpcloth {version('warpcloth')}")
+        raise typer.Exit
+
+
+def _root(
+    show_version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version.")
+    ] = False,
+) -> None:
+    """Cloth simulation on NVIDIA Warp: scenes in, USD caches out."""

@@ -1,0 +1,69 @@
+"""Entry point: run a command, and turn every error into one sentence and an exit code."""
+
+import sys
+import traceback
+from collections.abc import Sequence
+
+import typer
+
+from ..errors import WarpclothError
+from .app import build_app
+from .report import INTERRUPTED, to_json
+from .terminal import messages
+
+BAD_INPUT = 2
+UNEXPECTED = 1
+# typer has carried its own copy of click's exceptions since 0.2x, so the base class is reached by way of its public one
+ClickError = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+
+
+def main() -> None:
+    """Run the command that the process was started with, and exit."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run a command.
+
+    Args:
+        arguments: What follows ``warpcloth`` on the command line.
+
+    Returns:
+        The exit code: 0 done, 1 a defect of warpcloth, 2 bad input, 3 the simulation failed, 130 interrupted.
+    """
+    try:
+        return build_app()(list(arguments) or ["--help"], prog_name="warpcloth", standalone_mode=False) or 0
+    except WarpclothError as error:
+        return _fail(arguments, str(error), error.exit_code)
+    except ClickError as error:
+        return _fail(arguments, _usage_sentence(error), BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail(arguments, "interrupted", INTERRUPTED)
+    except BrokenPipeError:  # whoever read our output has gone, e.g. `| head`
+        sys.stderr.close()
+        return 0
+    except MemoryError:
+        return _fail(arguments, "there is not enough memory for this scene; lower its resolution", 3)
+    except Exception as error:
+        sentence = f"warpcloth has a defect ({type(error).__name__}: {error})"
+        return _fail(arguments, f"{sentence}; please report it with what --debug shows", UNEXPECTED)
+
+
+def _fail(arguments: Sequence[str], sentence: str, exit_code: int) -> int:
+    """Say what is wrong on stderr, and under ``--json`` on stdout too."""
+    if "--debug" in arguments:
+        traceback.print_exc()
+    sentence = " ".join(sentence.split())
+    sentence = sentence if sentence.endswith((".", "?")) else f"{sentence}."
+    messages().print(f"warpcloth: {sentence}", markup=False)
+    if "--json" in arguments:
+        print(to_json({"error": sentence, "exit_code": exit_code}))
+    return exit_code
+
+
+def _usage_sentence(error: Exception) -> str:
+    """One sentence of a usage error, with the way to the help."""
+    text = error.format_message().strip().rstrip(".?")
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "warpcloth"
+    return f"{text.replace('. Did you mean', '; did you mean')}; see `{command} --help`"

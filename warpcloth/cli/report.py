@@ -1,0 +1,54 @@
+"""What a command has to say, for people and for programs."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from rich.console import Console, RenderableType
+
+INTERRUPTED = 130  # the shells' convention for Ctrl-C
+
+
+@dataclass(frozen=True)
+class Report:
+    """The outcome of a command.
+
+    Args:
+        data: What ``--json`` prints.
+        text: What people are shown.
+        exit_code: 0 done, 2 bad input, 3 the simulation failed, 130 interrupted.
+    """
+
+    data: Mapping[str, Any]
+    text: RenderableType
+    exit_code: int = 0
+
+
+def print_report(report: Report, stream: TextIO, *, as_json: bool) -> None:
+    """Write a report to a stream, as one JSON object or as text."""
+    if as_json:
+        stream.write(to_json(report.data) + "\n")
+    else:
+        Console(file=stream).print(report.text)
+    stream.flush()
+
+
+def to_json(data: Mapping[str, Any]) -> str:
+    """JSON as the standard has it: what is not finite becomes ``null``; arrays and paths become lists and text."""
+    return json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value

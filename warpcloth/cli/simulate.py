@@ -1,0 +1,93 @@
+"""``warpcloth simulate``: a scene in, a USD cache out."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from .report import INTERRUPTED, Report
+from .terminal import messages, start_warp
+
+if TYPE_CHECKING:
+    from ..scenes import SimulationResult
+
+SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A bundled scene (see `scenes`) or a .toml file.")]
+Output = Annotated[
+    Path | None, typer.Option("-o", "--output", help="Cache to write: .usdc, .usda or .usdz.  [default: SCENE.usdc]")
+]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="PATH=VALUE", help="Change any field of the scene, e.g. cloth.0.fabric.areal_density=0.3."
+    ),
+]
+Frames = Annotated[str | None, typer.Option(metavar="N", help="Frames to simulate.")]
+Integrator = Annotated[str | None, typer.Option(help="Time integrator (see `integrators`).")]
+Substeps = Annotated[str | None, typer.Option(metavar="N|auto", help="Steps per frame, or auto.")]
+Device = Annotated[str | None, typer.Option(help="Device, e.g. cpu or cuda:0.")]
+Precision = Annotated[str | None, typer.Option(help="float32 or float64.")]
+
+
+def command(
+    scene: SceneArgument,
+    output: Output = None,
+    changes: Changes = None,
+    frames: Frames = None,
+    integrator: Integrator = None,
+    substeps: Substeps = None,
+    device: Device = None,
+    precision: Precision = None,
+) -> Report:
+    """Simulate SCENE and write it as a USD cache."""
+    from ..scenes import load_scene, simulate
+
+    loaded = load_scene(scene, changes or ())
+    start_warp()
+    options = {"integrator": integrator, "device": device, "precision": precision}
+    with progress_bar(loaded.name) as on_frame:
+        result = simulate(
+            loaded, output, frames=_whole(frames), substeps=_whole(substeps), on_frame=on_frame, **options
+        )
+    return Report(result.as_dict(), _summary(result), INTERRUPTED if result.interrupted else 0)
+
+
+@contextmanager
+def progress_bar(name: str) -> Iterator[Any]:
+    """A bar on stderr; yields what to call after each frame."""
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+    )  # fmt: skip
+    console = messages()
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(f"{name}: preparing", total=None)
+
+        def on_frame(frame: int, frames: int, simulation: Any) -> None:
+            progress.update(task, description=name, completed=frame, total=frames)
+
+        yield on_frame
+
+
+def _whole(text: str | None) -> Any:
+    """The whole number where the text is one; the scene's own rules judge that, and whatever else it is."""
+    return int(text) if text is not None and re.fullmatch("-?[0-9]{1,30}", text) else text
+
+
+def _summary(result: "SimulationResult") -> str:
+    """What people want to know at the end."""
+    head = f"{result.output}: frames 0 to {result.frames} at {result.fps:g} per second"
+    if result.interrupted:
+        head += " (interrupted)"
+    lines = [
+        head,
+        f"{result.particles:,} particles, {result.springs:,} springs, {result.triangles:,} triangles",
+        f"{result.integrator} with {result.substeps} substeps a frame, {result.precision} on {result.device}",
+        f"{result.ms_per_frame:.1f} ms per frame, {result.compile_s:.1f} s to prepare, {result.wall_s:.1f} s in all",
+        f"strain {100 * result.mean_strain:.2g} % on average and {100 * result.max_strain:.2g} % at most; "
+        f"{'at rest' if result.settled else 'still moving'}",
+        f"deepest penetration {1e3 * result.max_penetration_m:.3g} mm, {result.intersections} crossing triangle pairs",
+    ]
+    return "\n  ".join(lines)

@@ -1,0 +1,66 @@
+"""The two streams: results on stdout, everything else (progress, warnings, Warp's own chatter) on stderr."""
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from typing import TextIO
+
+from rich.console import Console
+
+
+def messages() -> Console:
+    """Console on stderr, for progress and remarks."""
+    return Console(stderr=True, soft_wrap=True, highlight=False)
+
+
+@contextlib.contextmanager
+def stdout_for_results() -> Iterator[TextIO]:
+    """Send to stderr what anything, native code included, writes to stdout, and yield the real stdout.
+
+    Warp prints from Python and from C++, and compilers print what they like; a program that reads our JSON must not.
+    """
+    results = sys.stdout
+    results.flush()
+    with contextlib.redirect_stdout(sys.stderr), _redirected(1, 2):
+        yield results
+
+
+@contextlib.contextmanager
+def quiet_warp(wanted: bool = True) -> Iterator[None]:
+    """Keep Warp from reporting devices, caches and every kernel module; errors it still reports."""
+    import warp as wp
+
+    before = wp.config.log_level
+    wp.config.log_level = wp.LOG_ERROR if wanted else before
+    try:
+        yield
+    finally:
+        wp.config.log_level = before
+
+
+def start_warp() -> None:
+    """Initialise Warp; where it is to be quiet, without its notice on stderr that there is no CUDA driver."""
+    import warp as wp
+
+    if wp.config.log_level < wp.LOG_ERROR:
+        wp.init()
+        return
+    with open(os.devnull, "wb") as nothing, _redirected(2, nothing.fileno()):
+        wp.init()
+
+
+@contextlib.contextmanager
+def _redirected(descriptor: int, target: int) -> Iterator[None]:
+    """Let one file descriptor lead where another does, for native code too."""
+    try:
+        original = os.dup(descriptor)
+    except OSError:  # there is no such descriptor, e.g. under pythonw
+        yield
+        return
+    try:
+        os.dup2(target, descriptor)
+        yield
+    finally:
+        os.dup2(original, descriptor)
+        os.close(original)
