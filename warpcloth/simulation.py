@@ -1,6 +1,6 @@
 """The simulation loop: forces → integrator → contact, many substeps a frame, each frame a captured graph."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ class Simulation:
     Args:
         model: what is simulated.
         integrator: name of the scheme, see ``warpcloth.integrators()``.
+        integrator_options: keyword options of the scheme, such as iteration counts.
         gravity: acceleration [m/s²], shape [3], or one per world, shape [world_count, 3].
         substeps: integrator steps per call of :meth:`step`, or "auto": as few as are stable.
         contact: whether cloth collides with the obstacles.
@@ -49,13 +50,14 @@ class Simulation:
         gravity: Any = (0.0, 0.0, -9.81),
         substeps: int | str = "auto",
         *,
+        integrator_options: Mapping[str, Any] | None = None,
         contact: bool = True,
         assembly: str = "scatter",
         graph: bool = True,
         check: bool = True,
     ):
         self.model = model
-        self.integrator = make_integrator(integrator, model)
+        self.integrator = make_integrator(integrator, model, integrator_options)
         self.forces = Forces(model, [Springs(model, assembly)], self._world_gravity(gravity))
         self.contact = ObstacleResponse(model) if validate.flag(contact, "contact") else None
         self.state = State.of(model)
@@ -66,7 +68,8 @@ class Simulation:
             validate.choice(substeps, ("auto",), "substeps")
         self.substeps = 0 if self._auto else validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
         # Warp records no mesh refit into a CPU graph (1.19), so frames with deforming obstacles run directly there.
-        self.graph = validate.flag(graph, "graph") and not (model.shapes.deforming and model.device.is_cpu)
+        records = self.integrator.capturable and not (model.shapes.deforming and model.device.is_cpu)
+        self.graph = validate.flag(graph, "graph") and records
         self.check = validate.flag(check, "check")
         self.time = 0.0
         self._graphs: dict[tuple[float, int], wp.Graph] = {}
@@ -105,8 +108,9 @@ class Simulation:
         return energies
 
     def metrics(self) -> dict[str, Any]:
-        """Measures of the current state: see :func:`warpcloth.diagnostics.measure`, and ``settled``."""
-        return {**diagnostics.measure(self.model, self.state, self.time), "settled": self.settled}
+        """Measures of the state (:func:`warpcloth.diagnostics.measure`), ``settled``, and what the integrator reports."""
+        measures = diagnostics.measure(self.model, self.state, self.time)
+        return {**measures, "settled": self.settled, **self.integrator.metrics()}
 
     @property
     def settled(self) -> bool:

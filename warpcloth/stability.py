@@ -5,8 +5,8 @@ damping γ = λ_max(M⁻¹C). Both are found by power iteration on the host, onc
 
 K depends on where the springs point. But every spring obeys K_e ⪯ (k_s/r) I whatever its direction and tension, so the
 network in which all springs act in all directions (the weighted graph Laplacian) bounds every configuration: that is
-what automatic substeps use, and why they hold when cloth crumples. On square grids it costs about a quarter more substeps
-than the flat rest pose would need.
+what automatic substeps use, and why they hold when cloth crumples. On square grids it costs about a quarter more
+substeps than the flat rest pose would need.
 """
 
 import math

@@ -1,41 +1,69 @@
 """Time integrators by name. A new one is one file and one line in :data:`INTEGRATORS`."""
 
+import inspect
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from .. import validate
+from ..errors import InputError
 from ..model import Model
 from .base import Integrator
 from .symplectic_euler import SymplecticEuler
 
-INTEGRATORS: dict[str, type[Integrator]] = {cls.name: cls for cls in (SymplecticEuler,)}
+INTEGRATORS: dict[str, type[Integrator]] = {
+    cls.name: cls
+    for cls in (
+        SymplecticEuler,
+    )
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class IntegratorInfo:
-    """What is known about a scheme without running it."""
+    """What is known about a scheme without running it; see :class:`~warpcloth.integrators.base.Integrator`."""
 
     name: str
     order: int
     implicit: bool
     symplectic: bool
+    capturable: bool
     reference: str
+    cost: str
+    use: str
+    options: tuple[str, ...]
 
 
 def integrators() -> dict[str, IntegratorInfo]:
     """All integrators, by name, with their attributes."""
     return {
-        name: IntegratorInfo(name, cls.order, cls.implicit, cls.symplectic, cls.reference)
+        name: IntegratorInfo(
+            name, cls.order, cls.implicit, cls.symplectic, cls.capturable, cls.reference, cls.cost, cls.use,
+            option_names(cls),
+        )
         for name, cls in INTEGRATORS.items()
-    }
+    }  # fmt: skip
 
 
-def make_integrator(name: str, model: Model) -> Integrator:
+def option_names(cls: type[Integrator]) -> tuple[str, ...]:
+    """Names of the keyword options of an integrator."""
+    parameters = inspect.signature(cls.__init__).parameters.values()
+    return tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
+
+
+def make_integrator(name: str, model: Model, options: Mapping[str, Any] | None = None) -> Integrator:
     """The integrator of that name, with its scratch memory for this model.
 
     Raises:
-        InputError: unknown name; the sentence lists all and proposes the closest.
+        InputError: unknown name or option; the sentence lists what there is and proposes the closest.
     """
-    return INTEGRATORS[validate.choice(name, INTEGRATORS, "integrator")](model)
+    cls = INTEGRATORS[validate.choice(name, INTEGRATORS, "integrator")]
+    known = option_names(cls)
+    for option in options or {}:
+        if not known:
+            raise InputError(f"Integrator '{name}' has no options, got '{option}'.")
+        validate.choice(option, known, f"option of integrator '{name}'")
+    return cls(model, **(options or {}))
 
 
 __all__ = ["INTEGRATORS", "Integrator", "IntegratorInfo", "integrators", "make_integrator"]

@@ -1,6 +1,7 @@
 """Symplectic (semi-implicit) Euler: velocity first, then position with the new velocity."""
 
 import math
+from typing import Any
 
 import warp as wp
 
@@ -17,7 +18,10 @@ class SymplecticEuler:
     order = 1
     implicit = False
     symplectic = True
+    capturable = True
     reference = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), I.1.2"
+    cost = "1 force evaluation"
+    use = "the plain choice for springs: robust and cheap, many small steps for stiff cloth"
 
     def __init__(self, model: Model):
         pass
@@ -33,6 +37,13 @@ class SymplecticEuler:
             device=model.device,
         )
         drive_pins(model, state_in.world_time, dt, state_out.particle_q, state_out.particle_qd)
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def metrics(self) -> dict[str, Any]:
+        """Nothing is solved."""
+        return {}
 
     @staticmethod
     def stable_step(omega: float, gamma: float) -> float:
