@@ -6,7 +6,7 @@
 from typing import Any
 
 from . import errors
-from .cloth import Cloth
+from .cloth import Cloth, pin, pin_box, pin_nearest
 from .errors import WarpclothError
 from .fabric import Fabric
 from .integrators import integrators
@@ -22,7 +22,7 @@ _SCENE_LAYER = ("load_scene", "simulate")
 
 __all__ = [
     "Box", "Capsule", "Cloth", "Fabric", "MeshObstacle", "Model", "Motion", "Plane", "Simulation", "Sphere", "State",
-    "WarpclothError", "errors", "integrators", "load_scene", "simulate",
+    "WarpclothError", "errors", "integrators", "load_scene", "pin", "pin_box", "pin_nearest", "simulate",
 ]  # fmt: skip
 
 

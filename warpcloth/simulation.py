@@ -108,7 +108,7 @@ class Simulation:
         return energies
 
     def metrics(self) -> dict[str, Any]:
-        """Measures of the state (:func:`warpcloth.diagnostics.measure`), ``settled``, and what the integrator reports."""
+        """Measures of the state (:func:`warpcloth.diagnostics.measure`), ``settled``, and the integrator's own."""
         measures = diagnostics.measure(self.model, self.state, self.time)
         return {**measures, "settled": self.settled, **self.integrator.metrics()}
 
