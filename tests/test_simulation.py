@@ -78,7 +78,7 @@ def test_fastest_rate_of_a_square_grid_is_the_closed_form():
     density=st.floats(0.05, 1.0),
     young=st.floats(10.0, 1000.0),
     ratio=st.floats(0.01, 0.5),
-    damping=st.floats(0.0, 2e-3),
+    damping=st.floats(5e-4, 2e-3),
     crumple=st.floats(0.0, 1.0),
 )
 def test_automatic_substeps_never_explode(n, size, density, young, ratio, damping, crumple):
@@ -93,7 +93,7 @@ def test_automatic_substeps_never_explode(n, size, density, young, ratio, dampin
     before = sim.energy()["total"]
     sim.run(20)
     # Springs crushed through zero length turn at once, which no finite step follows: some drift, but no explosion.
-    growth = 0.05 if crumple < 0.3 else 2.0
+    growth = 0.05 if crumple < 0.3 else 1.0
     scale = abs(before) + 9.81 * size * sim.model.particle_mass.numpy().sum()
     assert sim.energy()["total"] <= before + growth * scale
 
