@@ -16,7 +16,8 @@ class Fabric:
         stretch_stiffness: Young's modulus Y of the sheet along the grid directions [N/m], > 0.
         shear_stiffness: shear modulus G of the sheet [N/m]; 0: no shear springs. Grids only: springs along the edges
             of other triangle meshes already fix G = 3/8 Y.
-        bend_stiffness: stiffness per width of the bend springs, which join every other vertex [N/m]; 0: none.
+        bend_stiffness: stiffness per width of the bend springs, which join every other vertex [N/m]; 0: none. Inside a
+            grid they add twice this to what ``stretch_stiffness`` asks for.
         damping_time: ratio k_d / k_s of each spring [s]; strain decays faster the larger it is.
         friction: Coulomb coefficient; a pair has the geometric mean of its two.
         color: linear red, green, blue in [0, 1].

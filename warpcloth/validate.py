@@ -17,6 +17,7 @@ from .errors import InputError
 Array: TypeAlias = Any
 
 LARGEST = 1e12  # beyond this no SI quantity of cloth is meant, and products would overflow
+SMALLEST = 1e-12  # and closer to 0 than this, they would vanish
 
 
 def number(
@@ -30,6 +31,8 @@ def number(
         result = float("nan")
     if not low <= result <= maximum or (above is not None and not result > above):
         raise InputError(f"{_sentence(what)} must be {_range(above, minimum, maximum)}, got {reprlib.repr(value)}.")
+    if above == 0.0 and result < SMALLEST:
+        raise InputError(f"{_sentence(what)} must not be closer to 0 than {SMALLEST:g}, got {reprlib.repr(value)}.")
     return result
 
 
@@ -47,18 +50,17 @@ def integer(value: Any, what: str, *, minimum: int, maximum: int) -> int:
 
 def array(value: Any, what: str, shape: tuple[int | None, ...], dtype: Any = np.float64) -> np.ndarray:
     """A read-only, C-contiguous, finite copy with the given shape (``None``: any length)."""
-    words = " × ".join("any" if n is None else str(n) for n in shape)
     kind = "integers" if np.issubdtype(dtype, np.integer) else "numbers"
     try:
         raw = np.asarray(value)
         if raw.dtype.kind not in "iuf" and raw.size:
             raise TypeError
     except (TypeError, ValueError):
-        raise InputError(f"{_sentence(what)} must be {words} {kind}, got {reprlib.repr(value)}.") from None
+        raise InputError(f"{_sentence(what)} must be {_layout(shape, kind)}, got {reprlib.repr(value)}.") from None
     if raw.size == 0 and None in shape:
         raw = np.zeros([0 if n is None else n for n in shape], dtype)
     if raw.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, raw.shape, strict=True)):
-        raise InputError(f"{_sentence(what)} must be {words} {kind}, got an array of shape {raw.shape}.")
+        raise InputError(f"{_sentence(what)} must be {_layout(shape, kind)}, got an array of shape {raw.shape}.")
     return _converted(raw, what, dtype)
 
 
@@ -114,13 +116,22 @@ def _converted(raw: np.ndarray, what: str, dtype: Any) -> np.ndarray:
         if raw.size and (raw.min() < bounds.min or raw.max() > bounds.max):
             raise InputError(f"{_sentence(what)} must fit {bounds.bits}-bit integers, got {raw.min()} to {raw.max()}.")
     else:
-        bad = np.flatnonzero(~(np.abs(raw) <= LARGEST))  # also catches NaN
+        bad = np.flatnonzero(~(np.abs(raw.astype(np.float64)) <= LARGEST))  # also catches NaN
         if bad.size:
             where = f" at index {bad[0] // max(1, raw[0].size)}" if raw.ndim > 1 else ""
             raise InputError(f"{_sentence(what)} must be finite numbers up to 1e12, got {raw.flat[bad[0]]}{where}.")
     result = np.array(raw, dtype=dtype, order="C")
     result.flags.writeable = False
     return result
+
+
+def _layout(shape: tuple[int | None, ...], kind: str) -> str:
+    """(3,) → "3 numbers", (None, 3) → "rows of 3 numbers"."""
+    if len(shape) == 1:
+        return f"a list of {kind}" if shape[0] is None else f"{shape[0]} {kind}"
+    if len(shape) == 2:
+        return f"rows of {shape[1]} {kind}" if shape[0] is None else f"{shape[0]} rows of {shape[1]} {kind}"
+    return f"{' × '.join(map(str, shape))} {kind}"
 
 
 def _range(above: float | None, minimum: float | None, maximum: float) -> str:

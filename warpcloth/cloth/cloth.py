@@ -1,5 +1,6 @@
 """Cloth: a rest mesh with springs, masses and pins."""
 
+import operator
 import reprlib
 from dataclasses import dataclass
 from typing import Any
@@ -60,6 +61,10 @@ class Cloth:
         values["masses"] = validate.array(self.masses, f"{label}: masses", (len(points),))
         values["velocity"] = validate.vector(self.velocity, f"{label}: velocity")
         values["pins"] = tuple(self.pins)
+        _require(self.springs, SpringNetwork, f"{label}: springs")
+        _require(self.fabric, Fabric, f"{label}: fabric")
+        for pin in values["pins"]:
+            _require(pin, Pin, f"{label}: each of pins")
         if (self.uvs is None) != (self.uv_indices is None):
             raise InputError(f"{_capital(label)}: uvs and uv_indices must be given together.")
         if self.uvs is not None:
@@ -212,11 +217,14 @@ class Cloth:
 
 
 def _fabric(fabric: Fabric | None, label: str) -> Fabric:
-    if fabric is None:
-        return Fabric()
-    if not isinstance(fabric, Fabric):
-        raise InputError(f"{_capital(label)}: fabric must be a Fabric, got {type(fabric).__name__}.")
-    return fabric
+    if fabric is not None:
+        _require(fabric, Fabric, f"{label}: fabric")
+    return fabric or Fabric()
+
+
+def _require(value: Any, kind: type, what: str) -> None:
+    if not isinstance(value, kind):
+        raise InputError(f"{_capital(what)} must be a {kind.__name__}, got {type(value).__name__}.")
 
 
 def _rigid(transform: Any, label: str) -> np.ndarray:
@@ -229,7 +237,11 @@ def _rigid(transform: Any, label: str) -> np.ndarray:
 
 def _grid_resolution(resolution: Any, label: str) -> tuple[int, int]:
     nx, ny = _pair(resolution, f"{label}: resolution must be (vertices along x, vertices along y)")
-    counts = [validate.integer(n, f"{label}: resolution", minimum=-(2**62), maximum=2**62) for n in (nx, ny)]
+    try:
+        counts = [operator.index(n) for n in (nx, ny)]
+    except TypeError:
+        got = reprlib.repr(resolution)
+        raise InputError(f"{_capital(label)}: resolution must be two whole numbers, got {got}.") from None
     if min(counts) < 2:
         got = f"({counts[0]}, {counts[1]})"
         raise InputError(f"{_capital(label)}: resolution must be at least 2 × 2 vertices, got {got}.")

@@ -55,15 +55,15 @@ def pin(select: Any, motion: Motion | None = None) -> PinSpec:
 
 def pin_box(lower: Any, upper: Any, motion: Motion | None = None) -> PinSpec:
     """Pins every vertex in the world-space box from ``lower`` to ``upper`` [m], bounds included."""
-    low, high = validate.vector(lower, "pin_box: lower"), validate.vector(upper, "pin_box: upper")
+    low, high = validate.vector(lower, "pin box: lower"), validate.vector(upper, "pin box: upper")
     if np.any(low > high):
-        raise InputError(f"Pin_box: lower {low} must not exceed upper {high}.")
+        raise InputError(f"Pin box: lower {low} must not exceed upper {high}.")
 
     def select(points: np.ndarray) -> np.ndarray:
         inside = np.flatnonzero(np.all((points >= low) & (points <= high), axis=1))
         if inside.size == 0:
             extent = f"{points.min(axis=0)} to {points.max(axis=0)}"
-            raise InputError(f"Pin_box: no vertex lies between {low} and {high}; the cloth spans {extent}.")
+            raise InputError(f"Pin box: no vertex lies between {low} and {high}; the cloth spans {extent}.")
         return inside
 
     return PinSpec(select, motion)
@@ -72,9 +72,9 @@ def pin_box(lower: Any, upper: Any, motion: Motion | None = None) -> PinSpec:
 def pin_nearest(points: Any, motion: Motion | None = None) -> PinSpec:
     """Pins the vertex nearest to each of the world-space ``points`` (k, 3) or to one point (3,) [m]."""
     shape = (3,) if np.ndim(np.asarray(points, dtype=object)) == 1 else (None, 3)
-    targets = validate.array(points, "pin_nearest: points", shape).reshape(-1, 3)
+    targets = validate.array(points, "pin nearest: points", shape).reshape(-1, 3)
     if len(targets) == 0:
-        raise InputError("Pin_nearest: at least one point is needed.")
+        raise InputError("Pin nearest: at least one point is needed.")
 
     def select(vertices: np.ndarray) -> np.ndarray:
         return np.unique([int(np.argmin(np.sum((vertices - target) ** 2, axis=1))) for target in targets])

@@ -30,8 +30,9 @@ def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
             json.loads(path.read_bytes())  # trimesh would fall back to a "model.gltf" beside it
         scene = trimesh.load_scene(path, process=False, **options)
     except Exception as error:  # whatever the parsers of damaged files raise
-        reason = str(error).strip().split("\n")[0] or type(error).__name__
-        raise MeshError(f"The mesh file '{path.name}' cannot be read: {reason.rstrip('.')}.") from None
+        reason = (str(error).strip() or type(error).__name__).split("\n")[0]
+        kind = path.suffix[1:].upper()
+        raise MeshError(f"The mesh file '{path.name}' is damaged or not {kind} (trimesh: {reason}).") from None
     return mesh_of_scene(scene, path.stem, prim, join, GLTF_TO_Z_UP if gltf else np.eye(4))
 
 
