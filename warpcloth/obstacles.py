@@ -47,7 +47,7 @@ class Obstacle:
         )
         if self.motion is not None and not isinstance(self.motion, Motion):
             kind = type(self.motion).__name__
-            raise InputError(f"{_capital(label)}: motion must be a Motion or None, got {kind}.")
+            raise InputError(f"{validate.sentence(label)}: motion must be a Motion or None, got {kind}.")
 
     @property
     def centre(self) -> np.ndarray:
@@ -86,7 +86,7 @@ class Plane(Obstacle):
         normal = validate.vector(self.normal, f"{self._label}: normal")
         length = np.linalg.norm(normal)
         if length == 0.0:
-            raise InputError(f"{_capital(self._label)}: normal must not be zero.")
+            raise InputError(f"{validate.sentence(self._label)}: normal must not be zero.")
         self._set(
             point=validate.vector(self.point, f"{self._label}: point"),
             normal=validate.vector(normal / length, f"{self._label}: normal"),
@@ -134,7 +134,7 @@ class Capsule(Obstacle):
             radius=validate.number(self.radius, f"{self._label}: radius", above=0.0),
         )
         if np.array_equal(self.start, self.end):
-            raise InputError(f"{_capital(self._label)}: start and end coincide; use a Sphere instead.")
+            raise InputError(f"{validate.sentence(self._label)}: start and end coincide; use a Sphere instead.")
 
     @property
     def centre(self) -> np.ndarray:
@@ -154,7 +154,9 @@ class Box(Obstacle):
         super().__post_init__()
         size = validate.vector(self.size, f"{self._label}: size")
         if size.min() <= 0.0:
-            raise InputError(f"{_capital(self._label)}: size must be three lengths greater than 0, got {size}.")
+            raise InputError(
+                f"{validate.sentence(self._label)}: size must be three lengths greater than 0, got {size}."
+            )
         self._set(
             center=validate.vector(self.center, f"{self._label}: center"),
             size=size,
@@ -235,7 +237,7 @@ class MeshObstacle(Obstacle):
         return (1.0 - u) * self.sample_points[index] + u * self.sample_points[index + 1]
 
     def _check_samples(self) -> None:
-        label = _capital(self._label)
+        label = validate.sentence(self._label)
         if self.sample_times is None or self.sample_points is None:
             raise InputError(f"{label}: sample_times and sample_points must be given together.")
         if self.motion is not None:
@@ -248,7 +250,3 @@ class MeshObstacle(Obstacle):
             sample_times=times,
             sample_points=validate.array(self.sample_points, f"{self._label}: sample_points", shape),
         )
-
-
-def _capital(label: str) -> str:
-    return label[:1].upper() + label[1:]

@@ -27,14 +27,14 @@ def as_matrix(transform: Any, what: str) -> np.ndarray:
     matrix = np.eye(4)
     if transform is None:
         return matrix
-    if np.shape(transform) == (3,) if _is_regular(transform) else False:
+    if _shape(transform) == (3,):
         matrix[:3, 3] = validate.vector(transform, what)
         return matrix
     matrix = np.array(validate.array(transform, f"{what} (a translation of 3 numbers or a 4 × 4 matrix)", (4, 4)))
     if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0)):
-        raise InputError(f"{what[:1].upper()}{what[1:]} must have (0, 0, 0, 1) as its last row, got {matrix[3]}.")
+        raise InputError(f"{validate.sentence(what)} must have (0, 0, 0, 1) as its last row, got {matrix[3]}.")
     if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
-        raise InputError(f"{what[:1].upper()}{what[1:]} flattens space: its upper-left 3 × 3 block is singular.")
+        raise InputError(f"{validate.sentence(what)} flattens space: its upper-left 3 × 3 block is singular.")
     return matrix
 
 
@@ -52,9 +52,8 @@ def apply(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def _is_regular(value: Any) -> bool:
+def _shape(value: Any) -> tuple[int, ...]:
     try:
-        np.shape(value)
-    except ValueError:
-        return False
-    return True
+        return np.shape(value)
+    except ValueError:  # ragged
+        return ()

@@ -30,9 +30,9 @@ def number(
     except (TypeError, ValueError, OverflowError):
         result = float("nan")
     if not low <= result <= maximum or (above is not None and not result > above):
-        raise InputError(f"{_sentence(what)} must be {_range(above, minimum, maximum)}, got {reprlib.repr(value)}.")
+        raise InputError(f"{sentence(what)} must be {_range(above, minimum, maximum)}, got {reprlib.repr(value)}.")
     if above == 0.0 and result < SMALLEST:
-        raise InputError(f"{_sentence(what)} must not be closer to 0 than {SMALLEST:g}, got {reprlib.repr(value)}.")
+        raise InputError(f"{sentence(what)} must not be closer to 0 than {SMALLEST:g}, got {reprlib.repr(value)}.")
     return result
 
 
@@ -44,7 +44,7 @@ def integer(value: Any, what: str, *, minimum: int, maximum: int) -> int:
         result = minimum - 1
     if not minimum <= result <= maximum:
         got = reprlib.repr(value)
-        raise InputError(f"{_sentence(what)} must be a whole number from {minimum} to {maximum}, got {got}.")
+        raise InputError(f"{sentence(what)} must be a whole number from {minimum} to {maximum}, got {got}.")
     return result
 
 
@@ -56,11 +56,11 @@ def array(value: Any, what: str, shape: tuple[int | None, ...], dtype: Any = np.
         if raw.dtype.kind not in "iuf" and raw.size:
             raise TypeError
     except (TypeError, ValueError):
-        raise InputError(f"{_sentence(what)} must be {_layout(shape, kind)}, got {reprlib.repr(value)}.") from None
+        raise InputError(f"{sentence(what)} must be {_layout(shape, kind)}, got {reprlib.repr(value)}.") from None
     if raw.size == 0 and None in shape:
         raw = np.zeros([0 if n is None else n for n in shape], dtype)
     if raw.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, raw.shape, strict=True)):
-        raise InputError(f"{_sentence(what)} must be {_layout(shape, kind)}, got an array of shape {raw.shape}.")
+        raise InputError(f"{sentence(what)} must be {_layout(shape, kind)}, got an array of shape {raw.shape}.")
     return _converted(raw, what, dtype)
 
 
@@ -73,21 +73,21 @@ def color(value: Any, what: str) -> tuple[float, float, float]:
     """Linear red, green, blue, each in [0, 1]."""
     red, green, blue = vector(value, what).tolist()
     if min(red, green, blue) < 0.0 or max(red, green, blue) > 1.0:
-        raise InputError(f"{_sentence(what)} must be red, green, blue from 0 to 1, got {reprlib.repr(value)}.")
+        raise InputError(f"{sentence(what)} must be red, green, blue from 0 to 1, got {reprlib.repr(value)}.")
     return red, green, blue
 
 
 def text(value: Any, what: str) -> str:
     """A non-empty printable string."""
     if not isinstance(value, str) or not value.strip() or not value.isprintable():
-        raise InputError(f"{_sentence(what)} must be a non-empty printable text, got {reprlib.repr(value)}.")
+        raise InputError(f"{sentence(what)} must be a non-empty printable text, got {reprlib.repr(value)}.")
     return value
 
 
 def flag(value: Any, what: str) -> bool:
     """True or False, nothing that merely behaves like it."""
     if not isinstance(value, bool | np.bool_):
-        raise InputError(f"{_sentence(what)} must be true or false, got {reprlib.repr(value)}.")
+        raise InputError(f"{sentence(what)} must be true or false, got {reprlib.repr(value)}.")
     return bool(value)
 
 
@@ -97,9 +97,7 @@ def choice(value: Any, options: Iterable[str], what: str) -> str:
     if isinstance(value, str) and value in names:
         return value
     known = ", ".join(f"'{name}'" for name in names)
-    raise InputError(
-        f"{_sentence(what)} must be one of {known}, got {reprlib.repr(value)}{did_you_mean(value, names)}."
-    )
+    raise InputError(f"{sentence(what)} must be one of {known}, got {reprlib.repr(value)}{did_you_mean(value, names)}.")
 
 
 def did_you_mean(value: Any, options: Sequence[str]) -> str:
@@ -108,18 +106,23 @@ def did_you_mean(value: Any, options: Sequence[str]) -> str:
     return f" (did you mean '{close[0]}'?)" if close else ""
 
 
+def sentence(label: str) -> str:
+    """The label as a sentence begins."""
+    return label[:1].upper() + label[1:]
+
+
 def _converted(raw: np.ndarray, what: str, dtype: Any) -> np.ndarray:
     if np.issubdtype(dtype, np.integer):
         bounds = np.iinfo(dtype)
         if raw.dtype.kind == "f" and raw.size:
-            raise InputError(f"{_sentence(what)} must be integers, got {reprlib.repr(raw.flat[0])}.")
+            raise InputError(f"{sentence(what)} must be integers, got {reprlib.repr(raw.flat[0])}.")
         if raw.size and (raw.min() < bounds.min or raw.max() > bounds.max):
-            raise InputError(f"{_sentence(what)} must fit {bounds.bits}-bit integers, got {raw.min()} to {raw.max()}.")
+            raise InputError(f"{sentence(what)} must fit {bounds.bits}-bit integers, got {raw.min()} to {raw.max()}.")
     else:
         bad = np.flatnonzero(~(np.abs(raw.astype(np.float64)) <= LARGEST))  # also catches NaN
         if bad.size:
             where = f" at index {bad[0] // max(1, raw[0].size)}" if raw.ndim > 1 else ""
-            raise InputError(f"{_sentence(what)} must be finite numbers up to 1e12, got {raw.flat[bad[0]]}{where}.")
+            raise InputError(f"{sentence(what)} must be finite numbers up to 1e12, got {raw.flat[bad[0]]}{where}.")
     result = np.array(raw, dtype=dtype, order="C")
     result.flags.writeable = False
     return result
@@ -139,7 +142,3 @@ def _range(above: float | None, minimum: float | None, maximum: float) -> str:
     if above is not None:
         return f"a number greater than {above:g}{upper}"
     return f"a number of at least {minimum:g}{upper}" if minimum is not None else f"a finite number{upper}"
-
-
-def _sentence(what: str) -> str:
-    return what[:1].upper() + what[1:]

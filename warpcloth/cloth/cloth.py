@@ -1,7 +1,5 @@
 """Cloth: a rest mesh with springs, masses and pins."""
 
-import operator
-import reprlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +12,12 @@ from ..meshes import cloth_mesh, load_mesh
 from ..meshes.check import checked_arrays
 from ..transforms import apply, as_matrix
 from ..validate import Array
+from .arguments import checked_fabric, cloth_label, disc_radius, grid_resolution, grid_size, require, rigid_matrix
 from .disc import disc_points, disc_triangles, rim
 from .grid import DIAGONALS, GridShape
 from .pins import Pin, resolve_pins
 from .springs import SpringNetwork, lumped_masses, mesh_springs, triangle_areas
 
-MAX_VERTICES = 1 << 24
 MAX_RINGS = 2048  # 12.6 million vertices
 
 
@@ -55,25 +53,25 @@ class Cloth:
     velocity: Array = (0.0, 0.0, 0.0)
 
     def __post_init__(self):
-        label = _label(self.name)
+        label = cloth_label(self.name)
         points, triangles = checked_arrays(self.points, self.triangles, label)
         values: dict[str, Any] = {"points": points, "triangles": triangles}
         values["masses"] = validate.array(self.masses, f"{label}: masses", (len(points),))
         values["velocity"] = validate.vector(self.velocity, f"{label}: velocity")
         values["pins"] = tuple(self.pins)
-        _require(self.springs, SpringNetwork, f"{label}: springs")
-        _require(self.fabric, Fabric, f"{label}: fabric")
+        require(self.springs, SpringNetwork, f"{label}: springs")
+        require(self.fabric, Fabric, f"{label}: fabric")
         for pin in values["pins"]:
-            _require(pin, Pin, f"{label}: each of pins")
+            require(pin, Pin, f"{label}: each of pins")
         if (self.uvs is None) != (self.uv_indices is None):
-            raise InputError(f"{_capital(label)}: uvs and uv_indices must be given together.")
+            raise InputError(f"{validate.sentence(label)}: uvs and uv_indices must be given together.")
         if self.uvs is not None:
             values["uvs"] = validate.array(self.uvs, f"{label}: uvs", (None, 2))
             shape = (len(triangles), 3)
             values["uv_indices"] = validate.array(self.uv_indices, f"{label}: uv_indices", shape, np.int32)
         for name, value in values.items():
             object.__setattr__(self, name, value)
-        self._check_references(_capital(label))
+        self._check_references(validate.sentence(label))
 
     @staticmethod
     def grid(
@@ -101,16 +99,22 @@ class Cloth:
         Raises:
             InputError: on a value out of range.
         """
-        label = _label(name)
-        width, height = _pair(size, f"{label}: size must be (width, height)")
-        width, height = (validate.number(side, f"{label}: size", above=0.0) for side in (width, height))
-        shape = GridShape(width, height, *_grid_resolution(resolution, label))
+        label = cloth_label(name)
+        shape = GridShape(*grid_size(size, label), *grid_resolution(resolution, label))
         triangles = shape.triangles(validate.choice(diagonals, DIAGONALS, f"{label}: diagonals"))
-        fabric, flat, uvs = _fabric(fabric, label), shape.points(), shape.uvs()
-        placed = apply(_rigid(transform, label), flat)
+        fabric, flat = checked_fabric(fabric, label), shape.points()
+        placed = apply(rigid_matrix(transform, label), flat)
         return Cloth(
-            *(name, placed, triangles, shape.springs(flat, fabric), shape.masses(fabric.areal_density), fabric),
-            *(uvs, triangles, resolve_pins(pins, placed, shape.named_vertices(), label), velocity),
+            name=name,
+            points=placed,
+            triangles=triangles,
+            springs=shape.springs(flat, fabric),
+            masses=shape.masses(fabric.areal_density),
+            fabric=fabric,
+            uvs=shape.uvs(),
+            uv_indices=triangles,
+            pins=resolve_pins(pins, placed, shape.named_vertices(), label),
+            velocity=velocity,
         )
 
     @staticmethod
@@ -134,16 +138,23 @@ class Cloth:
         Raises:
             InputError: on a value out of range.
         """
-        label = _label(name)
-        radius = validate.number(radius, f"{label}: radius", above=0.0)
+        label = cloth_label(name)
+        radius = disc_radius(radius, label)
         rings = validate.integer(resolution, f"{label}: resolution", minimum=1, maximum=MAX_RINGS)
-        flat, triangles, fabric = disc_points(radius, rings), disc_triangles(rings), _fabric(fabric, label)
-        placed = apply(_rigid(transform, label), flat)
+        flat, triangles, fabric = disc_points(radius, rings), disc_triangles(rings), checked_fabric(fabric, label)
+        placed = apply(rigid_matrix(transform, label), flat)
         named = {"rim": rim(rings), "center": np.zeros(1, np.int32)}
-        masses = lumped_masses(flat, triangles, fabric.areal_density)
         return Cloth(
-            *(name, placed, triangles, mesh_springs(flat, triangles, fabric), masses, fabric),
-            *(0.5 + 0.5 * flat[:, :2] / radius, triangles, resolve_pins(pins, placed, named, label), velocity),
+            name=name,
+            points=placed,
+            triangles=triangles,
+            springs=mesh_springs(flat, triangles, fabric),
+            masses=lumped_masses(flat, triangles, fabric.areal_density),
+            fabric=fabric,
+            uvs=0.5 + 0.5 * flat[:, :2] / radius,
+            uv_indices=triangles,
+            pins=resolve_pins(pins, placed, named, label),
+            velocity=velocity,
         )
 
     @staticmethod
@@ -172,13 +183,20 @@ class Cloth:
         """
         mesh = load_mesh(source, prim=prim)
         name = mesh.name if name is None else name
-        label = _label(name)
+        label = cloth_label(name)
         mesh = cloth_mesh(mesh.transformed(as_matrix(transform, f"{label}: transform")))
-        fabric = _fabric(fabric, label)
-        masses = lumped_masses(mesh.points, mesh.triangles, fabric.areal_density)
+        fabric = checked_fabric(fabric, label)
         return Cloth(
-            *(name, mesh.points, mesh.triangles, mesh_springs(mesh.points, mesh.triangles, fabric), masses, fabric),
-            *(mesh.uvs, mesh.uv_indices, resolve_pins(pins, mesh.points, {}, label), velocity),
+            name=name,
+            points=mesh.points,
+            triangles=mesh.triangles,
+            springs=mesh_springs(mesh.points, mesh.triangles, fabric),
+            masses=lumped_masses(mesh.points, mesh.triangles, fabric.areal_density),
+            fabric=fabric,
+            uvs=mesh.uvs,
+            uv_indices=mesh.uv_indices,
+            pins=resolve_pins(pins, mesh.points, {}, label),
+            velocity=velocity,
         )
 
     @property
@@ -214,53 +232,3 @@ class Cloth:
         if len(np.unique(held)) < held.size:
             twice = np.flatnonzero(np.bincount(held) > 1)[0]
             raise InputError(f"{label}: vertex {twice} is in two pins, of which at least one moves.")
-
-
-def _fabric(fabric: Fabric | None, label: str) -> Fabric:
-    if fabric is not None:
-        _require(fabric, Fabric, f"{label}: fabric")
-    return fabric or Fabric()
-
-
-def _require(value: Any, kind: type, what: str) -> None:
-    if not isinstance(value, kind):
-        raise InputError(f"{_capital(what)} must be a {kind.__name__}, got {type(value).__name__}.")
-
-
-def _rigid(transform: Any, label: str) -> np.ndarray:
-    matrix = as_matrix(transform, f"{label}: transform")
-    turn = matrix[:3, :3]
-    if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) or np.linalg.det(turn) < 0.0:
-        raise InputError(f"{_capital(label)}: transform must only turn and move; change the size instead of scaling.")
-    return matrix
-
-
-def _grid_resolution(resolution: Any, label: str) -> tuple[int, int]:
-    nx, ny = _pair(resolution, f"{label}: resolution must be (vertices along x, vertices along y)")
-    try:
-        counts = [operator.index(n) for n in (nx, ny)]
-    except TypeError:
-        got = reprlib.repr(resolution)
-        raise InputError(f"{_capital(label)}: resolution must be two whole numbers, got {got}.") from None
-    if min(counts) < 2:
-        got = f"({counts[0]}, {counts[1]})"
-        raise InputError(f"{_capital(label)}: resolution must be at least 2 × 2 vertices, got {got}.")
-    if counts[0] * counts[1] > MAX_VERTICES:
-        total = f"{counts[0]} × {counts[1]} = {counts[0] * counts[1]:,}"
-        raise InputError(f"{_capital(label)}: resolution must be at most {MAX_VERTICES:,} vertices, got {total}.")
-    return counts[0], counts[1]
-
-
-def _pair(value: Any, rule: str) -> tuple[Any, Any]:
-    items = list(value) if isinstance(value, tuple | list | np.ndarray) and np.ndim(value) else []
-    if len(items) != 2:
-        raise InputError(f"{_capital(rule)}, got {reprlib.repr(value)}.")
-    return items[0], items[1]
-
-
-def _label(name: Any) -> str:
-    return f"cloth '{validate.text(name, 'cloth: name')}'"
-
-
-def _capital(label: str) -> str:
-    return label[:1].upper() + label[1:]

@@ -1,4 +1,4 @@
-"""Round cloth: concentric rings of nearly equilateral triangles in the local xy plane."""
+"""Round cloth: a hexagon of equilateral triangles rounded to concentric rings, in the local xy plane."""
 
 import numpy as np
 

@@ -119,7 +119,7 @@ def _select(select: Any, points: np.ndarray, named: Mapping[str, np.ndarray], la
     if isinstance(select, str):
         if not named:
             raise InputError(
-                f"{what[:1].upper()}{what[1:]} by name ({select!r}) need a grid or disc; use pin_box or pin_nearest."
+                f"{validate.sentence(what)} by name ({select!r}) need a grid or disc; use pin_box or pin_nearest."
             )
         return np.asarray(named[validate.choice(select, named, what)])
     if isinstance(select, list | tuple) and any(isinstance(item, str) for item in select):
@@ -127,8 +127,8 @@ def _select(select: Any, points: np.ndarray, named: Mapping[str, np.ndarray], la
     chosen = select(points) if callable(select) else select
     indices = np.unique(validate.array(np.atleast_1d(chosen), what, (None,), np.int32))
     if indices.size == 0:
-        raise InputError(f"{what[:1].upper()}{what[1:]} name no vertex.")
+        raise InputError(f"{validate.sentence(what)} name no vertex.")
     if indices[0] < 0 or indices[-1] >= len(points):
         bad = indices[0] if indices[0] < 0 else indices[-1]
-        raise InputError(f"{what[:1].upper()}{what[1:]}: vertex {bad} is not one of 0 to {len(points) - 1}.")
+        raise InputError(f"{validate.sentence(what)}: vertex {bad} is not one of 0 to {len(points) - 1}.")
     return indices

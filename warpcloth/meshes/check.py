@@ -20,7 +20,7 @@ def checked_arrays(points: Any, triangles: Any, label: str) -> tuple[np.ndarray,
     refuse_non_finite(points, label)
     vertices = validate.array(points, f"{label}: points", (None, 3))
     faces = validate.array(triangles, f"{label}: triangles", (None, 3), np.int32)
-    title = label[:1].upper() + label[1:]
+    title = validate.sentence(label)
     if len(vertices) == 0 or len(faces) == 0:
         raise MeshError(f"{title} is empty: it has {len(vertices)} vertices and {len(faces)} triangles.")
     outside = np.flatnonzero((faces < 0) | (faces >= len(vertices)))
@@ -46,7 +46,7 @@ def check_areas(points: np.ndarray, triangles: np.ndarray, label: str) -> None:
     if flat.size:
         what = "triangle has" if flat.size == 1 else "triangles have"
         first = f"triangle {flat[0]} with vertices {', '.join(map(str, triangles[flat[0]]))}"
-        title = label[:1].upper() + label[1:]
+        title = validate.sentence(label)
         raise MeshError(f"{title}: {flat.size} {what} no area, first {first}; remove degenerate triangles.")
 
 
@@ -56,7 +56,7 @@ def check_manifold(triangles: np.ndarray, table: EdgeTable, label: str) -> None:
     Raises:
         MeshError: naming how many there are, and the first.
     """
-    title = label[:1].upper() + label[1:]
+    title = validate.sentence(label)
     unique, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
     if len(unique) < len(triangles):
         repeated = np.setdiff1d(np.arange(len(triangles)), first)
@@ -84,7 +84,7 @@ def refuse_non_finite(points: Any, label: str) -> None:
         return  # not numbers at all: the check of shape and type says so
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size and values.ndim == 2:
-        title = label[:1].upper() + label[1:]
+        title = validate.sentence(label)
         vertices = np.unique(bad // values.shape[1])
         what = "vertex is" if vertices.size == 1 else "vertices are"
         raise MeshError(f"{title}: {vertices.size} {what} not finite (NaN or infinite), first vertex {vertices[0]}.")

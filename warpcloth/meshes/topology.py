@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import MeshError
+from ..validate import sentence
 
 SIDES = np.array([[1, 2], [2, 0], [0, 1]])  # side i of a triangle lies opposite to its corner i
 
@@ -60,7 +61,9 @@ def oriented(triangles: np.ndarray, table: EdgeTable, label: str) -> np.ndarray:
         return triangles
     flips = _flips(len(triangles), sides // 3, clash)
     if np.any(flips[sides[:, 0] // 3] ^ flips[sides[:, 1] // 3] ^ clash):
-        raise MeshError(f"{label}: the surface has only one side, like a Möbius strip; cut it open along a line.")
+        raise MeshError(
+            f"{sentence(label)}: the surface has only one side, like a Möbius strip; cut it open along a line."
+        )
     return np.where(flips[:, None], triangles[:, ::-1], triangles)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from .. import validate
 from ..errors import MeshError
 from ..transforms import apply
+from ..validate import Array
 from .check import check_areas, check_manifold, checked_arrays
 from .topology import EdgeTable, oriented
 
@@ -27,10 +28,10 @@ class TriangleMesh:
         MeshError: on an empty mesh, non-finite points or an index out of range; InputError: on wrong shapes or types.
     """
 
-    points: np.ndarray
-    triangles: np.ndarray
-    uvs: np.ndarray | None = None
-    uv_indices: np.ndarray | None = None
+    points: Array
+    triangles: Array
+    uvs: Array | None = None
+    uv_indices: Array | None = None
     name: str = "mesh"
 
     def __post_init__(self):
@@ -42,7 +43,7 @@ class TriangleMesh:
             uvs = validate.array(self.uvs, f"{self.label}: uvs", (None, 2))
             corners = validate.array(self.uv_indices, f"{self.label}: uv_indices", (len(triangles), 3), np.int32)
             if corners.min() < 0 or corners.max() >= len(uvs):
-                title = self.label[:1].upper() + self.label[1:]
+                title = validate.sentence(self.label)
                 raise MeshError(f"{title}: uv_indices refer to texture coordinates outside 0 to {len(uvs) - 1}.")
             values |= {"uvs": uvs, "uv_indices": corners}
         for name, value in values.items():
@@ -106,7 +107,7 @@ def cloth_mesh(mesh: TriangleMesh) -> TriangleMesh:
     table = EdgeTable.of(mesh.triangles)
     check_areas(mesh.points, mesh.triangles, mesh.label)
     check_manifold(mesh.triangles, table, mesh.label)
-    return _with_triangles(mesh, oriented(mesh.triangles, table, mesh.label[:1].upper() + mesh.label[1:]))
+    return _with_triangles(mesh, oriented(mesh.triangles, table, mesh.label))
 
 
 def obstacle_mesh(mesh: TriangleMesh) -> TriangleMesh:

@@ -1,0 +1,346 @@
+"""Cloth: geometry, masses, springs that stand for the same fabric at any resolution, pins."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from warpcloth.cloth import BEND, SHEAR, STRUCTURAL, Cloth, Pin, SpringNetwork, pin, pin_box, pin_nearest
+from warpcloth.errors import InputError, MeshError
+from warpcloth.fabric import Fabric
+from warpcloth.motion import Motion
+from warpcloth.transforms import placement
+
+Y, G = 400.0, 80.0
+MEMBRANE = Fabric(stretch_stiffness=Y, shear_stiffness=G, bend_stiffness=0.0)
+C = 0.5 * (Y + np.sqrt(Y * Y + 4 * G * G))  # tensor component along the threads, at Poisson's ratio G/C
+SQUEEZE = np.diag([1.0, -G / C])  # what pulling along x does to a sheet that is free along y
+RESOLUTIONS = [(2, 2), (3, 5), (5, 3), (9, 17), (33, 33)]
+
+
+def energy(cloth: Cloth, strain: np.ndarray) -> float:
+    """Second-order energy [J] of the flat cloth under a uniform small strain (2, 2), by the spring law."""
+    net = cloth.springs
+    along = cloth.points[net.indices[:, 1], :2] - cloth.points[net.indices[:, 0], :2]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    e = np.einsum("si,ij,sj->s", along, strain, along)
+    return float(0.5 * np.sum(net.stiffness * net.rest_lengths * e**2))
+
+
+# Resolution must not matter
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+@pytest.mark.parametrize("size", [(1.0, 1.0), (0.6, 1.1)])
+def test_grid_has_the_moduli_of_its_fabric(resolution, size):
+    dx, dy = size[0] / (resolution[0] - 1), size[1] / (resolution[1] - 1)
+    cloth = Cloth.grid(size, resolution, MEMBRANE)
+    area = size[0] * size[1]
+    if max(dx / dy, dy / dx) < 2.0:  # longer cells cannot have all of G
+        assert energy(cloth, SQUEEZE) == pytest.approx(0.5 * Y * area, rel=1e-12)
+        assert energy(cloth, SQUEEZE[::-1, ::-1]) == pytest.approx(0.5 * Y * area, rel=1e-12)
+        assert energy(cloth, np.array([[0, 0.5], [0.5, 0]])) == pytest.approx(0.5 * G * area, rel=1e-12)
+
+
+@given(aspect=st.floats(1.0, 50.0), shear=st.floats(0.1, 5000.0))
+def test_young_modulus_holds_in_cells_of_any_shape(aspect, shear):
+    cloth = Cloth.grid((1.0, 1.0 / aspect), (4, 4), replace(MEMBRANE, shear_stiffness=shear))
+    exact = np.diag([1.0, 0.0])
+    xx, yy = energy(cloth, exact), energy(cloth, np.diag([0.0, 1.0]))
+    xy = 0.5 * (energy(cloth, np.diag([1.0, 1.0])) - xx - yy)
+    area = 1.0 / aspect
+    assert (xx - xy**2 / yy) * 2 / area == pytest.approx(Y, rel=1e-9)
+    assert (yy - xy**2 / xx) * 2 / area == pytest.approx(Y, rel=1e-9)
+    assert cloth.springs.stiffness.min() > 0.0
+
+
+def test_square_cells_follow_the_closed_form():
+    a = 0.1
+    springs = Cloth.grid((0.4, 0.4), (5, 5), Fabric(stretch_stiffness=Y, shear_stiffness=G, bend_stiffness=7.0)).springs
+    k = {kind: np.unique(springs.stiffness[springs.kinds == kind].round(9)) for kind in (STRUCTURAL, SHEAR, BEND)}
+    k1 = a * (C - G)
+    np.testing.assert_allclose(k[STRUCTURAL], [k1 / 2, k1])
+    np.testing.assert_allclose(k[SHEAR], [np.sqrt(2) * a * G])
+    np.testing.assert_allclose(k[BEND], [7.0 * a / 2, 7.0 * a])
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+@pytest.mark.parametrize("diagonals", ["alternate", "same"])
+def test_mass_is_area_times_density(resolution, diagonals):
+    cloth = Cloth.grid((0.7, 1.3), resolution, Fabric(areal_density=0.15), diagonals=diagonals)
+    assert cloth.area == pytest.approx(0.7 * 1.3, rel=1e-13)
+    assert cloth.mass == pytest.approx(0.7 * 1.3 * 0.15, rel=1e-13)
+
+
+@pytest.mark.parametrize("rings", [1, 2, 5, 16])
+def test_disc_mass_and_shape(rings):
+    cloth = Cloth.disc(0.5, rings, Fabric(areal_density=0.15))
+    sides = 6 * rings
+    assert cloth.area == pytest.approx(0.5 * sides * 0.25 * np.sin(2 * np.pi / sides), rel=1e-12)
+    assert cloth.mass == pytest.approx(0.15 * cloth.area, rel=1e-12)
+    corners = cloth.points[cloth.triangles]
+    assert np.all(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] > 0.0)
+    lengths = cloth.springs.rest_lengths[cloth.springs.kinds == STRUCTURAL] * rings / 0.5
+    assert lengths.min() > 0.9
+    assert lengths.max() < 1.5  # rounding a hexagon makes right triangles at its corners
+
+
+@pytest.mark.parametrize("angle", np.linspace(0.0, np.pi / 2, 5))
+def test_equilateral_mesh_is_isotropic_with_young_modulus_y_and_poisson_ratio_one_third(angle):
+    i, j = np.meshgrid(np.arange(12), np.arange(12))
+    points = 0.05 * np.column_stack([(i + 0.5 * j).ravel(), (np.sqrt(0.75) * j).ravel(), np.zeros(144)])
+    a = (12 * j + i)[:-1, :-1].ravel()
+    mesh = trimesh.Trimesh(
+        points, np.concatenate([np.c_[a, a + 1, a + 12], np.c_[a + 1, a + 13, a + 12]]), process=False
+    )
+    cloth = Cloth.from_mesh(mesh, MEMBRANE)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    pulled = turn @ np.diag([1.0, -1.0 / 3.0]) @ turn.T
+    assert energy(cloth, pulled) == pytest.approx(0.5 * Y * cloth.area, rel=1e-9)
+
+
+@pytest.mark.parametrize("rings", [4, 8, 16])
+def test_disc_has_nearly_young_modulus_y(rings):
+    cloth = Cloth.disc(0.5, rings, MEMBRANE)
+    assert energy(cloth, np.diag([1.0, -1.0 / 3.0])) == pytest.approx(0.5 * Y * cloth.area, rel=0.02)
+
+
+def test_mesh_matches_young_modulus_on_average_over_directions():
+    grid = Cloth.grid((1, 1), (9, 9), diagonals="same")  # right triangles, as anisotropic as meshes get
+    cloth = Cloth.from_mesh(trimesh.Trimesh(grid.points, grid.triangles, process=False), MEMBRANE)
+    energies = []
+    for angle in np.linspace(0.0, np.pi, 24, endpoint=False):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        energies.append(energy(cloth, turn @ np.diag([1.0, -1.0 / 3.0]) @ turn.T))
+    assert np.mean(energies) == pytest.approx(0.5 * Y * cloth.area, rel=1e-9)
+
+
+# Geometry
+
+
+def test_grid_is_laid_out_as_documented():
+    cloth = Cloth.grid((2.0, 1.0), (5, 3))
+    np.testing.assert_allclose(cloth.points[0], (-1, -0.5, 0))
+    np.testing.assert_allclose(cloth.points[2 * 5 + 4], (1, 0.5, 0))
+    np.testing.assert_allclose(cloth.points[1] - cloth.points[0], (0.5, 0, 0))
+    np.testing.assert_allclose(cloth.uvs[[0, 4, 10, 14]], [[0, 0], [1, 0], [0, 1], [1, 1]])
+    corners = cloth.points[cloth.triangles]
+    assert np.all(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] > 0.0)
+
+
+@pytest.mark.parametrize("mirror", [np.s_[:, ::-1], np.s_[::-1, :]])
+def test_grid_is_symmetric(mirror):
+    cloth = Cloth.grid((1.0, 1.0), (5, 5))
+    image = np.arange(25).reshape(5, 5)[mirror].ravel()
+    np.testing.assert_array_equal(cloth.masses[image], cloth.masses)
+    springs = {
+        tuple(sorted(pair)): k for pair, k in zip(cloth.springs.indices.tolist(), cloth.springs.stiffness, strict=True)
+    }
+    for (a, b), k in springs.items():
+        assert springs[tuple(sorted((image[a], image[b])))] == k
+    triangles = {frozenset(t) for t in cloth.triangles.tolist()}
+    assert {frozenset(image[list(t)].tolist()) for t in triangles} == triangles
+
+
+def test_every_spring_is_at_rest_however_the_cloth_is_placed():
+    cloth = Cloth.grid((1, 2), (6, 9), transform=placement((3, 2, 1), (0.3, -1.0, 2.0)))
+    ends = cloth.points[cloth.springs.indices]
+    np.testing.assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), cloth.springs.rest_lengths, rtol=1e-13)
+    np.testing.assert_allclose(cloth.springs.damping, cloth.fabric.damping_time * cloth.springs.stiffness)
+
+
+def test_no_pair_is_sprung_twice():
+    for cloth in (Cloth.grid((1, 1), (7, 6)), Cloth.disc(0.5, 6), Cloth.from_mesh(trimesh.creation.icosphere(2))):
+        pairs = np.sort(cloth.springs.indices, axis=1)
+        assert len(np.unique(pairs, axis=0)) == len(pairs)
+
+
+def test_mesh_springs_of_a_tetrahedron_and_of_two_triangles():
+    tetrahedron = Cloth.from_mesh(trimesh.creation.icosahedron())
+    assert np.count_nonzero(tetrahedron.springs.kinds == STRUCTURAL) == 30
+    assert np.count_nonzero(tetrahedron.springs.kinds == BEND) == 30
+    kite = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 2, 0], [1, 2, 0]], [[0, 1, 2], [1, 3, 2]], process=False)
+    springs = Cloth.from_mesh(kite, Fabric(stretch_stiffness=100.0, bend_stiffness=3.0)).springs
+    found = {tuple(pair): k for pair, k in zip(springs.indices.tolist(), springs.stiffness, strict=True)}
+    assert found[(0, 1)] == pytest.approx(100.0 * 1.0 / 1.0)
+    assert found[(0, 2)] == pytest.approx(100.0 * 1.0 / 2.0)
+    assert found[(1, 2)] == pytest.approx(100.0 * 2.0 / np.sqrt(5.0))
+    assert found[(0, 3)] == pytest.approx(3.0 * 2.0 / np.sqrt(5.0))
+    assert len(found) == 6
+
+
+def test_stiffness_zero_means_no_springs():
+    kinds = Cloth.grid((1, 1), (4, 4), Fabric(shear_stiffness=0.0, bend_stiffness=0.0)).springs.kinds
+    assert set(kinds.tolist()) == {STRUCTURAL}
+
+
+# Pins
+
+
+def test_named_edges_and_corners():
+    cloth = Cloth.grid((1, 1), (4, 3), pins=["top_left", "top_right"])
+    np.testing.assert_array_equal(cloth.pinned, [8, 11])
+    for name, axis, sign in (("left", 0, -1), ("right", 0, 1), ("bottom", 1, -1), ("top", 1, 1)):
+        edge = Cloth.grid((1, 1), (4, 3), pins=name)
+        np.testing.assert_allclose(edge.points[edge.pinned, axis], sign * 0.5)
+        assert len(edge.pinned) == (3 if axis == 0 else 4)
+    assert len(Cloth.disc(0.5, 4, pins="rim").pinned) == 24
+    np.testing.assert_array_equal(Cloth.disc(0.5, 4, pins="center").pinned, [0])
+
+
+def test_pins_by_index_box_and_nearest_point():
+    lifted = (0, 0, 2.0)
+    for pins in (3, [3], np.array([3]), (3, 3), pin([3])):
+        np.testing.assert_array_equal(Cloth.grid((1, 1), (4, 4), pins=pins).pinned, [3])
+    box = Cloth.grid((1, 1), (5, 5), transform=lifted, pins=pin_box((-0.6, -0.6, 1.9), (-0.4, 0.1, 2.1)))
+    np.testing.assert_array_equal(box.pinned, [0, 5, 10])
+    near = Cloth.grid((1, 1), (5, 5), transform=lifted, pins=pin_nearest([(0.4, 0.4, 2), (-9, -9, 2)]))
+    np.testing.assert_array_equal(near.pinned, [0, 24])
+    np.testing.assert_array_equal(Cloth.grid((1, 1), (5, 5), pins=pin_nearest((0, 0, 0))).pinned, [12])
+
+
+def test_still_pins_are_one_group_and_moving_ones_their_own():
+    swing = Motion.keyframes([(0, (0, 0, 0)), (1, (0, 1, 0))])
+    cloth = Cloth.grid((1, 1), (4, 4), pins=["bottom_left", 1, "bottom", pin("top_left", swing), pin(15, swing)])
+    assert [group.motion for group in cloth.pins] == [None, swing, swing]
+    assert [group.indices.tolist() for group in cloth.pins] == [[0, 1, 2, 3], [12], [15]]
+    again = Cloth.grid((1, 1), (4, 4), pins=cloth.pins)
+    np.testing.assert_array_equal(again.pinned, cloth.pinned)
+
+
+def test_moving_pins_may_not_overlap_others():
+    swing = Motion.keyframes([(0, (0, 0, 0)), (1, (0, 1, 0))])
+    with pytest.raises(InputError, match="vertex 12 is in two pins, of which at least one moves"):
+        Cloth.grid((1, 1), (4, 4), pins=["left", pin("top", swing)])
+
+
+# Bad values
+
+GRID = Cloth.grid((1, 1), (3, 3))
+SPRING = ([[0, 1]], [1.0], [1.0], [0.0], [0])
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: Cloth.grid((1, 1), (1, 5), name="flag"), r"^Cloth 'flag': resolution must be at least 2 × 2 .*\(1, 5\)\.$"),
+        (lambda: Cloth.grid((1, 1), (10**9, 10**9)), "at most 16,777,216 vertices"),
+        (lambda: Cloth.grid((1, 1), (4.5, 4)), r"two whole numbers, got \(4.5, 4\)"),
+        (lambda: Cloth.grid((1, 1), 8), r"resolution must be \(vertices along x, vertices along y\), got 8"),
+        (lambda: Cloth.grid((1, -1)), "height must be a number greater than 0, got -1"),
+        (lambda: Cloth.grid((1, 1e-7)), "height must be at least 1e-06 m"),
+        (lambda: Cloth.grid((float("nan"), 1)), "width must be"),
+        (lambda: Cloth.grid("ab"), "size must be"),
+        (lambda: Cloth.grid(name=""), "name must be a non-empty"),
+        (lambda: Cloth.grid(diagonals="alternat"), "did you mean 'alternate'"),
+        (lambda: Cloth.grid(fabric="silk"), "fabric must be a Fabric, got str"),
+        (lambda: Cloth.grid(velocity=(0, 0, float("inf"))), "velocity must be finite"),
+        (lambda: Cloth.grid(transform=np.diag([2.0, 2, 2, 1])), "change the size instead of scaling"),
+        (lambda: Cloth.grid(transform=np.diag([-1.0, 1, 1, 1])), "must only turn and move"),
+        (lambda: Cloth.grid(pins="top_lft"), "did you mean 'top_left'"),
+        (lambda: Cloth.grid((1, 1), (3, 3), pins=9), "vertex 9 is not one of 0 to 8"),
+        (lambda: Cloth.grid((1, 1), (3, 3), pins=-1), "vertex -1 is not one of 0 to 8"),
+        (lambda: Cloth.grid(pins=3.5), "got float"),
+        (lambda: Cloth.grid(pins=pin_box((9, 9, 9), (10, 10, 10))), "no vertex lies between"),
+        (lambda: Cloth.grid(pins=pin("left", "up")), "motion must be a Motion or None, got str"),
+        (lambda: pin_box((1, 0, 0), (0, 1, 1)), "must not exceed"),
+        (lambda: pin_nearest([]), "at least one point"),
+        (lambda: Cloth.disc(0.0), "radius must be"),
+        (lambda: Cloth.disc(0.5, 0), "resolution must be a whole number from 1 to 2048"),
+        (lambda: Cloth.disc(pins="left"), "must be one of 'rim', 'center'"),
+        (lambda: Cloth.from_mesh(trimesh.creation.box(), pins="left"), "need a grid or disc"),
+        (lambda: Fabric(areal_density=0), "Fabric 'cotton': areal_density must be a number greater than 0, got 0"),
+        (lambda: Fabric(bend_stiffness=-1), "bend_stiffness must be a number of at least 0"),
+        (lambda: Fabric(friction="high"), "friction must be"),
+        (lambda: Fabric(name=3), "name must be"),
+        (lambda: replace(GRID, masses=np.zeros(9)), "vertex 0 has no mass"),
+        (lambda: replace(GRID, triangles=[[0, 1, 9]], uvs=None, uv_indices=None), "refers to vertex 9"),
+        (lambda: replace(GRID, points=GRID.points * np.nan), "9 vertices are not finite"),
+        (lambda: replace(GRID, uv_indices=None), "must be given together"),
+        (lambda: replace(GRID, uv_indices=GRID.uv_indices + 1), "outside 0 to 8"),
+        (lambda: replace(GRID, springs=None), "springs must be a SpringNetwork"),
+        (lambda: replace(GRID, pins=(Pin([9]),)), "pins refer to vertices outside"),
+        (lambda: replace(GRID, pins=("left",)), "must be a Pin, got str"),
+        (lambda: replace(GRID, springs=SpringNetwork([[0, 9]], [1], [1], [0], [0])), "refers to vertex 9"),
+        (lambda: Pin([]), "at least one vertex"),
+        (lambda: Pin([1, 1]), "named twice"),
+        (lambda: SpringNetwork([[1, 1]], *SPRING[1:]), "spring 0 joins a particle to itself"),
+        (lambda: SpringNetwork(SPRING[0], [0.0], *SPRING[2:]), "rest length"),
+        (lambda: SpringNetwork(*SPRING[:2], [-1.0], *SPRING[3:]), "stiffness"),
+        (lambda: SpringNetwork(*SPRING[:3], [-1.0], [0]), "damping"),
+        (lambda: SpringNetwork(*SPRING[:4], [3]), "unknown kind"),
+        (lambda: SpringNetwork(SPRING[0], [1.0, 2.0], *SPRING[2:]), "rest_lengths must be 1 numbers"),
+    ],
+)  # fmt: skip
+def test_bad_cloth_is_one_sentence(build, words):
+    with pytest.raises(InputError, match=words) as caught:
+        build()
+    assert str(caught.value).endswith(".")
+    assert "\n" not in str(caught.value)
+
+
+def test_scaling_a_mesh_scales_its_mass():
+    box = trimesh.creation.box()
+    assert Cloth.from_mesh(box, transform=np.diag([2.0, 2, 2, 1])).mass == pytest.approx(4 * Cloth.from_mesh(box).mass)
+
+
+def test_branching_and_one_sided_meshes_are_no_cloth():
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -1, 0]])
+    book = trimesh.Trimesh(points, [[0, 1, 2], [0, 1, 3], [0, 1, 4]], process=False)
+    with pytest.raises(MeshError, match="1 edge belongs to more than two triangles, first that from vertex 0 to 1"):
+        Cloth.from_mesh(book)
+    angle, side = np.meshgrid(np.linspace(0, 2 * np.pi, 13)[:-1], (-0.3, 0.3), indexing="ij")
+    radius = 1 + side * np.cos(angle / 2)
+    rails = np.stack([radius * np.cos(angle), radius * np.sin(angle), side * np.sin(angle / 2)], axis=-1).reshape(-1, 3)
+    a = np.arange(0, 24, 2)
+    b, c, d = a + 1, np.r_[a[1:], 1], np.r_[a[1:] + 1, 0]
+    strip = trimesh.Trimesh(rails, np.concatenate([np.c_[a, b, c], np.c_[b, d, c]]), process=False)
+    with pytest.raises(MeshError, match="only one side"):
+        Cloth.from_mesh(strip)
+
+
+def test_neighbours_are_made_to_face_the_same_way():
+    grid = Cloth.grid((1, 1), (6, 6))
+    mixed = grid.triangles.copy()
+    mixed[::3] = mixed[::3, ::-1]
+    cloth = Cloth.from_mesh(trimesh.Trimesh(grid.points, mixed, process=False))
+    np.testing.assert_array_equal(cloth.triangles[1::3], grid.triangles[1::3])
+    corners = cloth.points[cloth.triangles]
+    assert np.all(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] > 0.0)
+
+
+texts = st.sampled_from(["", "a", "left", "1", "\n", "\0", "nan", "rim"])
+scalar = st.one_of(st.none(), st.booleans(), st.integers(-5, 20), st.integers(), st.floats(), texts)
+junk = st.one_of(
+    scalar, st.lists(scalar, max_size=4), st.tuples(scalar, scalar), st.just({}), st.just(b"x"), st.just(np.zeros(2))
+)
+small = st.tuples(st.integers(-1, 20), st.integers(-1, 20))
+
+
+@given(st.data())
+def test_any_value_gives_cloth_or_one_sentence(data):
+    build, names = data.draw(
+        st.sampled_from(
+            [
+                (Cloth.grid, ("size", "pins", "transform", "name", "velocity", "diagonals", "fabric")),
+                (Cloth.disc, ("radius", "pins", "transform", "name", "velocity", "fabric")),
+                (Cloth.from_mesh, ("source", "pins", "transform", "name", "velocity", "prim")),
+                (Fabric, tuple(Fabric.__dataclass_fields__)),
+            ]
+        )
+    )
+    values = {name: data.draw(junk) for name in names if name == "source" or data.draw(st.booleans())}
+    if build is Cloth.grid:
+        values["resolution"] = data.draw(st.one_of(small, scalar, st.tuples(scalar, st.floats())))
+    if build is Cloth.disc:
+        values["resolution"] = data.draw(st.one_of(st.integers(-1, 20), st.floats(), texts))
+    message = "."
+    try:
+        build(**values)
+    except InputError as error:
+        message = str(error)
+    assert message.endswith(".")
+    assert "\n" not in message
