@@ -1,0 +1,41 @@
+"""What the READMEs say can be done can be done."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+READMES = sorted(
+    path for path in REPOSITORY.glob("**/*.md") if not path.relative_to(REPOSITORY).parts[0].startswith(".")
+)
+
+
+def blocks(path: Path, language: str) -> list[str]:
+    """Fenced code blocks of one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", path.read_text(encoding="utf-8"), flags=re.S | re.M)
+
+
+def test_the_python_example_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (example,) = blocks(REPOSITORY / "README.md", "python")
+    assert len(example.splitlines()) <= 10
+    names: dict = {}
+    exec(compile(example, "README.md", "exec"), names)
+    points = names["points"]
+    assert points.shape == (1681, 3)
+    assert points[:, 2].min() < 0.3 < 0.6 < points[:, 2].max()  # it hangs over the ball
+    assert "kinetic" in capsys.readouterr().out
+
+
+def test_the_kernel_variant_example_runs(capsys):
+    example = blocks(REPOSITORY / "kernels" / "README.md", "python")[0]
+    exec(compile(example, "kernels/README.md", "exec"), {})
+    assert "warpcloth.kernels.float64.springs" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("path", READMES, ids=lambda path: path.relative_to(REPOSITORY).as_posix())
+def test_links_lead_somewhere(path):
+    links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", path.read_text(encoding="utf-8"))
+    local = [link for link in links if not link.startswith(("http://", "https://", "mailto:"))]
+    assert not [link for link in local if not (path.parent / link).exists()]
