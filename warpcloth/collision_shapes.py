@@ -1,6 +1,7 @@
 """Obstacles on the device: shapes sorted by world, their meshes, and where they are during a step."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -75,14 +76,14 @@ class CollisionShapes:
         self.start = wp.zeros(self.count, dtype=kernels.shapes.Placement, device=device)
         self.end = wp.zeros(self.count, dtype=kernels.shapes.Placement, device=device)
 
-    def _make_shapes(self, world_count: int):
+    def _make_shapes(self, world_count: int) -> Any:
         k, device = self.kernels, self.device
         real, vec3 = k.precision.real, k.precision.vec3
         worlds = np.array([row[0] for row in self.obstacles], np.int32)
         items = [row[1] for row in self.obstacles]
         frames = [_frame(o) for o in items]
 
-        def column(values, dtype, width=()):
+        def column(values: Any, dtype: type, width: tuple[int, ...] = ()) -> wp.array:
             return wp.array(np.array(values).reshape(-1, *width), dtype=dtype, device=device)
 
         shapes = k.shapes.Shapes()
@@ -125,7 +126,7 @@ class CollisionShapes:
             speeds.append(speed)
         return ids, speeds
 
-    def place(self, tracks, world_time: wp.array, dt: float) -> None:
+    def place(self, tracks: Any, world_time: wp.array, dt: float) -> None:
         """Placements at the worlds' time and dt [s] later; deforming meshes move to the later time."""
         if self.count == 0:
             return

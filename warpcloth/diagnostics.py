@@ -89,7 +89,14 @@ def penetration_depths(model: Model, state: State, place: wp.array | None = None
     return _depths(model.kernels, model.particle_world, shapes, state.particle_q, place, model.device)
 
 
-def _depths(kernels, particle_world, shapes: CollisionShapes, particle_q, place, device) -> np.ndarray:
+def _depths(
+    kernels: KernelSet,
+    particle_world: wp.array,
+    shapes: CollisionShapes,
+    particle_q: wp.array,
+    place: wp.array,
+    device: wp.Device,
+) -> np.ndarray:
     out = wp.zeros(len(particle_q), dtype=kernels.precision.real, device=device)
     wp.launch(
         kernels.diagnostics.penetration,
@@ -150,7 +157,14 @@ def intersections(model: Model, state: State) -> np.ndarray:
     return _intersections(model.kernels, *args)
 
 
-def _intersections(kernels, particle_q, tri_indices, particle_world, world_count: int, device) -> np.ndarray:
+def _intersections(
+    kernels: KernelSet,
+    particle_q: wp.array,
+    tri_indices: wp.array,
+    particle_world: wp.array,
+    world_count: int,
+    device: wp.Device,
+) -> np.ndarray:
     count = wp.zeros(world_count, dtype=wp.int32, device=device)
     tris = len(tri_indices)
     if tris == 0:

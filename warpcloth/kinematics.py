@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -9,8 +10,11 @@ import warp as wp
 from .kernels import KernelSet
 from .motion import Motion
 
+if TYPE_CHECKING:
+    from .model import Model
 
-def make_tracks(kernels: KernelSet, motions: Sequence[Motion], device: wp.Device):
+
+def make_tracks(kernels: KernelSet, motions: Sequence[Motion], device: wp.Device) -> Any:
     """All motions as one ``Tracks`` struct (see ``kernels/motion.py``)."""
     tracks = kernels.motion.Tracks()
     counts = [len(m.times) for m in motions]
@@ -58,7 +62,9 @@ class MovingPins:
         )
 
 
-def drive_pins(model, world_time: wp.array, time_offset: float, particle_q: wp.array, particle_qd: wp.array) -> None:
+def drive_pins(
+    model: "Model", world_time: wp.array, time_offset: float, particle_q: wp.array, particle_qd: wp.array
+) -> None:
     """Positions and velocities of moving pins at the worlds' time plus ``time_offset`` [s]."""
     pins = model.moving_pins
     if len(pins.particle) == 0:

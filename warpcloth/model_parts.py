@@ -62,8 +62,8 @@ def parts_of_worlds(worlds: Sequence[Sequence["Cloth"]]) -> Parts:
             stop, tri_stop = first + len(cloth.points), tri_first + len(cloth.triangles)
             ranges.append((world, cloth.name, first, stop, tri_first, tri_stop))
             first, tri_first = stop, tri_stop
-    joined = [np.concatenate(column) for column in zip(*pieces, strict=True)]
-    return Parts(*joined, moving=moving, ranges=ranges)
+    joined = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    return Parts(**joined, moving=moving, ranges=ranges)
 
 
 def _check_names(world: int, cloths: Sequence["Cloth"]) -> None:
@@ -75,19 +75,28 @@ def _check_names(world: int, cloths: Sequence["Cloth"]) -> None:
         raise InputError(f"Two cloths of one world are named '{twice[0]}'; give each its own name.")
 
 
-def _piece(world: int, cloth: "Cloth", first: int) -> tuple[np.ndarray, ...]:
+def _piece(world: int, cloth: "Cloth", first: int) -> dict[str, np.ndarray]:
     n = len(cloth.points)
     pinned = np.zeros(n, bool)
     for pin in cloth.pins:
         pinned[pin.indices] = True
     velocities = np.where(pinned[:, None], 0.0, np.broadcast_to(cloth.velocity, (n, 3)))
     net = cloth.springs
-    return (
-        cloth.points, velocities, cloth.masses, pinned,
-        np.full(n, world, np.int32), np.full(n, 0.5 * cloth.fabric.thickness), np.full(n, cloth.fabric.friction),
-        net.indices + first, net.rest_lengths, net.stiffness, net.damping, net.kinds,
-        cloth.triangles + first,
-    )  # fmt: skip
+    return {
+        "positions": cloth.points,
+        "velocities": velocities,
+        "masses": cloth.masses,
+        "pinned": pinned,
+        "world": np.full(n, world, np.int32),
+        "radius": np.full(n, 0.5 * cloth.fabric.thickness),
+        "friction": np.full(n, cloth.fabric.friction),
+        "springs": net.indices + first,
+        "rest_lengths": net.rest_lengths,
+        "stiffness": net.stiffness,
+        "damping": net.damping,
+        "kinds": net.kinds,
+        "triangles": cloth.triangles + first,
+    }
 
 
 def _moving_pins(cloth: "Cloth", first: int) -> list[tuple[np.ndarray, Motion, np.ndarray, np.ndarray]]:

@@ -38,7 +38,7 @@ class Motion:
     positions: Array
     rotations: Array
     interpolation: str = "linear"
-    pivot: Array | None = None
+    pivot: Array = None
     loop: bool = False
 
     def __post_init__(self):

@@ -184,8 +184,8 @@ class MeshObstacle(Obstacle):
 
     points: Array = ()
     triangles: Array = ()
-    sample_times: Array | None = None
-    sample_points: Array | None = None
+    sample_times: Array = None
+    sample_points: Array = None
     name: str = field(default="mesh", kw_only=True)
 
     def __post_init__(self):

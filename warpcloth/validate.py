@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import InputError
 
-# Annotates fields that take any array-like and then hold a read-only array: static types cannot say both.
+# Annotates fields that take any array-like (or None) and then hold a read-only array: static types cannot say both.
 Array: TypeAlias = Any
 
 LARGEST = 1e12  # beyond this no SI quantity of cloth is meant, and products would overflow

@@ -47,8 +47,8 @@ class Cloth:
     springs: SpringNetwork
     masses: Array
     fabric: Fabric
-    uvs: Array | None = None
-    uv_indices: Array | None = None
+    uvs: Array = None
+    uv_indices: Array = None
     pins: tuple[Pin, ...] = ()
     velocity: Array = (0.0, 0.0, 0.0)
 

@@ -114,7 +114,9 @@ def mesh_springs(points: np.ndarray, triangles: np.ndarray, fabric: Fabric) -> S
     return SpringNetwork.joined(parts)
 
 
-def _across_edges(points, triangles, table: EdgeTable, edge_area: np.ndarray, fabric: Fabric) -> SpringNetwork:
+def _across_edges(
+    points: np.ndarray, triangles: np.ndarray, table: EdgeTable, edge_area: np.ndarray, fabric: Fabric
+) -> SpringNetwork:
     """One bend spring for each interior edge whose opposite vertices are apart and not joined already."""
     pairs = np.sort(triangles.ravel()[table.side_pairs()], axis=1)  # corner i lies opposite to side i
     area = edge_area[table.counts == 2]

@@ -9,9 +9,10 @@ from ..forces import Forces
 from ..kinematics import drive_pins
 from ..model import Model
 from ..state import State
+from .base import Integrator
 
 
-class SymplecticEuler:
+class SymplecticEuler(Integrator):
     """v ← v + dt a(x, v), x ← x + dt v."""
 
     name = "symplectic_euler"

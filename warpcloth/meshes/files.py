@@ -1,6 +1,7 @@
 """PLY, STL, OFF and glTF through trimesh."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     import trimesh
 
     gltf = path.suffix.lower() in (".glb", ".gltf")
-    options = {"merge_primitives": True, "skip_materials": True} if gltf else {}
+    options: dict[str, Any] = {"merge_primitives": True, "skip_materials": True} if gltf else {}
     try:
         if path.suffix.lower() == ".gltf":
             json.loads(path.read_bytes())  # trimesh would fall back to a "model.gltf" beside it
@@ -43,12 +44,14 @@ def mesh_of_scene(scene: Any, name: str, prim: str | None, join: bool, axes: np.
         matrix, key = scene.graph.get(node)
         geometry = scene.geometry[key]
         if hasattr(geometry, "faces") and len(geometry.faces):
-            parts.append(
-                Part(f"/{node}", lambda g=geometry, m=matrix, n=node: mesh_of_trimesh(g, n).transformed(axes @ m))
-            )
+            parts.append(Part(f"/{node}", partial(_placed, geometry, node, axes @ matrix)))
     if len(parts) == 1 and prim is None:
         return TriangleMesh.joined([parts[0].read()], name)
     return chosen(parts, name, prim, join)
+
+
+def _placed(geometry: Any, name: str, matrix: np.ndarray) -> TriangleMesh:
+    return mesh_of_trimesh(geometry, name).transformed(matrix)
 
 
 def mesh_of_trimesh(mesh: Any, name: str) -> TriangleMesh:

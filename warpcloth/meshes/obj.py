@@ -1,5 +1,6 @@
 """Wavefront OBJ: vertices in the file's order, polygons of any size, texture seams that do not split vertices."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ def read_obj(path: Path) -> TriangleMesh:
     return _mesh(path.stem, points, uvs, counts, np.array(corners, np.int64).reshape(-1, 2))
 
 
-def _mesh(name: str, points, uvs, counts, corners: np.ndarray) -> TriangleMesh:
+def _mesh(name: str, points: list, uvs: list, counts: list[int], corners: np.ndarray) -> TriangleMesh:
     if not counts:
         raise MeshError(f"Mesh '{name}' is empty: it has {len(points)} vertices and 0 faces.")
     vertices = np.array(points, float).reshape(-1, 3)
@@ -68,7 +69,7 @@ def _from_end(index: int, count: int) -> int:
     return count + index
 
 
-def _statements(path: Path):
+def _statements(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line numbers and words of "v", "vt" and "f" statements, continuation lines joined."""
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()

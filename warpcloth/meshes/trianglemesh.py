@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -30,13 +31,13 @@ class TriangleMesh:
 
     points: Array
     triangles: Array
-    uvs: Array | None = None
-    uv_indices: Array | None = None
+    uvs: Array = None
+    uv_indices: Array = None
     name: str = "mesh"
 
     def __post_init__(self):
         points, triangles = checked_arrays(self.points, self.triangles, self.label)
-        values = {"points": points, "triangles": triangles}
+        values: dict[str, Any] = {"points": points, "triangles": triangles}
         if self.uvs is None or self.uv_indices is None:
             values |= {"uvs": None, "uv_indices": None}
         else:

@@ -1,7 +1,9 @@
 """Meshes of a USD stage. This module imports ``pxr``; import it only to read USD."""
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdUtils
@@ -30,7 +32,7 @@ def read_usd(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     parts, shown = [], []
     for mesh, matrix in _placed_meshes(stage, cache):
         where = str(mesh.GetPath())
-        part = Part(where, lambda m=mesh, x=matrix, w=where: _read(m, w.rsplit("/", 1)[-1]).transformed(to_si @ x))
+        part = Part(where, partial(_placed, mesh, where.rsplit("/", 1)[-1], to_si @ matrix))
         parts.append(part)
         if _is_shown(mesh):
             shown.append(part)
@@ -70,7 +72,9 @@ def _placed_meshes(stage: Usd.Stage, cache: UsdGeom.XformCache) -> Iterator[tupl
             yield UsdGeom.Mesh(prim), _columns(cache.GetLocalToWorldTransform(prim))
 
 
-def _scattered_meshes(scatter: UsdGeom.PointInstancer, cache: UsdGeom.XformCache):
+def _scattered_meshes(
+    scatter: UsdGeom.PointInstancer, cache: UsdGeom.XformCache
+) -> Iterator[tuple[UsdGeom.Mesh, np.ndarray]]:
     prototypes = [scatter.GetPrim().GetStage().GetPrimAtPath(p) for p in scatter.GetPrototypesRel().GetTargets()]
     which = scatter.GetProtoIndicesAttr().Get(TIME) or []
     transforms = scatter.ComputeInstanceTransformsAtTime(TIME, TIME, applyMask=UsdGeom.PointInstancer.IgnoreMask)
@@ -82,6 +86,10 @@ def _scattered_meshes(scatter: UsdGeom.PointInstancer, cache: UsdGeom.XformCache
             if prim.IsA(UsdGeom.Mesh):
                 local = np.eye(4) if prim == prototype else _columns(cache.ComputeRelativeTransform(prim, prototype)[0])
                 yield UsdGeom.Mesh(prim), world @ _columns(transform) @ local
+
+
+def _placed(mesh: UsdGeom.Mesh, name: str, matrix: np.ndarray) -> TriangleMesh:
+    return _read(mesh, name).transformed(matrix)
 
 
 def _read(mesh: UsdGeom.Mesh, name: str) -> TriangleMesh:
@@ -116,7 +124,7 @@ def _check_faces(name: str, points: np.ndarray, counts: np.ndarray, corners: np.
         raise MeshError(f"{label}: a face refers to vertex {bad}, which is not one of 0 to {len(points) - 1}.")
 
 
-def _texture_coordinates(mesh: UsdGeom.Mesh, points: np.ndarray, corners: np.ndarray):
+def _texture_coordinates(mesh: UsdGeom.Mesh, points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray | None, Any]:
     """Values (k, 2) of ``st``, or of the first other set, and which of them each face corner has; or (None, None)."""
     sets = [p for p in UsdGeom.PrimvarsAPI(mesh.GetPrim()).FindPrimvarsWithInheritance() if _is_texture(p)]
     for primvar in sorted(sets, key=lambda p: p.GetPrimvarName() != "st"):
@@ -145,13 +153,13 @@ def _is_shown(mesh: UsdGeom.Mesh) -> bool:
     )
 
 
-def _value(attribute: Usd.Attribute, otherwise):
+def _value(attribute: Usd.Attribute, otherwise: Any) -> Any:
     """The default value, or the first sample where there is none."""
     value = attribute.Get()
     value = attribute.Get(TIME) if value is None else value
     return otherwise if value is None else value
 
 
-def _columns(matrix) -> np.ndarray:
+def _columns(matrix: Any) -> np.ndarray:
     """A Gf matrix, which multiplies row vectors, in the convention of column vectors."""
     return np.array(matrix).T
