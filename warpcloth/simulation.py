@@ -132,6 +132,7 @@ class Simulation:
 
     def _frame(self, dt: float, substeps: int) -> None:
         now, later = self.state, self._other
+        now.forces_current = False  # the caller may have changed the state since the last frame
         for _ in range(substeps):
             self._substep(now, later, dt / substeps)
             now, later = later, now
@@ -139,9 +140,11 @@ class Simulation:
             self.state.copy_from(now)
 
     def _substep(self, now: State, later: State, dt: float) -> None:
+        later.forces_current = False
         self.integrator.step(self.model, now, later, self.forces, dt)
         if self.contact is not None:
             self.contact.resolve(now, later, dt)
+            later.forces_current &= self.model.shapes.count == 0
         wp.launch(
             self.model.kernels.particles.advance_time,
             dim=self.model.world_count,

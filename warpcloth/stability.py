@@ -87,7 +87,7 @@ def fastest_rates(model: "Model", positions: np.ndarray | None = None) -> tuple[
 
 def largest_stable_step(model: "Model", integrator: "Integrator") -> float:
     """Largest step [s] that ``integrator`` can safely take in any configuration; infinite if it has no limit."""
-    return SAFETY * integrator.stable_step(*fastest_rates(model))
+    return SAFETY * integrator.usable_step(*fastest_rates(model))
 
 
 def substeps_for(model: "Model", integrator: "Integrator", dt: float, most: int) -> int:

@@ -10,9 +10,14 @@ from ..state import State
 
 
 class ForceTerm(Protocol):
-    """One physical force. It launches kernels only: no allocation, no host synchronisation."""
+    """One physical force. It launches kernels only: no allocation, no host synchronisation.
+
+    ``velocity_dependent`` tells schemes that velocities must be predicted where forces are needed, which costs them
+    more evaluations.
+    """
 
     name: str
+    velocity_dependent: bool
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds the force [N] at ``state``, whose time is the worlds' time + ``time_offset`` [s], to ``particle_f``."""
@@ -37,6 +42,11 @@ class Forces:
         self.terms = list(terms)
         self.world_gravity = world_gravity
         self.evaluations = 0
+
+    @property
+    def velocity_dependent(self) -> bool:
+        """Whether any term depends on velocities."""
+        return any(term.velocity_dependent for term in self.terms)
 
     def evaluate(self, state: State, time_offset: float = 0.0) -> None:
         """Writes the total force [N] at ``state`` into ``state.particle_f``."""

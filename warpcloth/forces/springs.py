@@ -26,6 +26,7 @@ class Springs:
     def __init__(self, model: Model, assembly: str = "scatter"):
         self.model = model
         self.assembly = validate.choice(assembly, ASSEMBLIES, "assembly")
+        self.velocity_dependent = bool(model.spring_damping.numpy().any())
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds spring forces [N] to ``state.particle_f``."""

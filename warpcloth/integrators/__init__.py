@@ -1,6 +1,7 @@
 """Time integrators by name. A new one is one file and one line in :data:`INTEGRATORS`."""
 
 import inspect
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -21,13 +22,20 @@ INTEGRATORS: dict[str, type[Integrator]] = {
 
 @dataclass(frozen=True)
 class IntegratorInfo:
-    """What is known about a scheme without running it; see :class:`~warpcloth.integrators.base.Integrator`."""
+    """What is known about a scheme without running it; see :class:`~warpcloth.integrators.base.Integrator`.
+
+    ``stability_limit`` is ω dt of the largest stable step on the undamped oscillator, None where there is none.
+    """
 
     name: str
     order: int
     implicit: bool
     symplectic: bool
     capturable: bool
+    adaptive: bool
+    stability_limit: float | None
+    conserves_linear_momentum: bool
+    conserves_angular_momentum: bool
     reference: str
     cost: str
     use: str
@@ -38,11 +46,17 @@ def integrators() -> dict[str, IntegratorInfo]:
     """All integrators, by name, with their attributes."""
     return {
         name: IntegratorInfo(
-            name, cls.order, cls.implicit, cls.symplectic, cls.capturable, cls.reference, cls.cost, cls.use,
-            option_names(cls),
+            name, cls.order, cls.implicit, cls.symplectic, cls.capturable, cls.adaptive,
+            _stability_limit(cls), cls.conserves_linear_momentum, cls.conserves_angular_momentum,
+            cls.reference, cls.cost, cls.use, option_names(cls),
         )
         for name, cls in INTEGRATORS.items()
     }  # fmt: skip
+
+
+def _stability_limit(cls: type[Integrator]) -> float | None:
+    limit = cls.stable_step(1.0, 0.0)
+    return limit if math.isfinite(limit) else None
 
 
 def option_names(cls: type[Integrator]) -> tuple[str, ...]:

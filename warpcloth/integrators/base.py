@@ -1,5 +1,6 @@
 """What every integrator provides."""
 
+from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
 from ..forces import Forces
@@ -8,12 +9,21 @@ from ..state import State
 
 
 class Integrator(Protocol):
-    """One step of one scheme. Code branches on these attributes, never on names.
+    """One step of one scheme; classes inherit from it. Code branches on these attributes, never on names.
 
     Attributes:
-        name: how users ask for it. order: of convergence in the step. implicit: solves for the end of the step.
+        name: how users ask for it.
+        order: of convergence in the step; 0 for a method whose material depends on the step, so that it has none.
+        implicit: solves for the end of the step.
         symplectic: conserves phase-space area (so energy stays bounded) when there is no damping.
         capturable: a step does the same launches every time, so that it can be part of a graph.
+        adaptive: divides the step it is given as the error demands, so that no step is too large for it.
+        couples_worlds: step sizes or iteration counts are decided over all worlds at once, so a world's result depends,
+            within the tolerance, on the worlds beside it; elsewhere a world among others is bitwise that world alone.
+        conserves_linear_momentum, conserves_angular_momentum: to round-off, without pins and outer forces, also with
+            damped springs.
+        convergence_options: options under which halving the step shows ``order``: tight solver tolerances, steps of
+            the given size. For tests and work-precision diagrams.
         reference: where the scheme is described. cost: of a step, in words. use: what it is good for, in words.
     """
 
@@ -22,6 +32,11 @@ class Integrator(Protocol):
     implicit: ClassVar[bool]
     symplectic: ClassVar[bool]
     capturable: ClassVar[bool]
+    adaptive: ClassVar[bool] = False
+    couples_worlds: ClassVar[bool] = False
+    conserves_linear_momentum: ClassVar[bool] = True
+    conserves_angular_momentum: ClassVar[bool] = False
+    convergence_options: ClassVar[Mapping[str, Any]] = {}
     reference: ClassVar[str]
     cost: ClassVar[str]
     use: ClassVar[str]
@@ -38,13 +53,20 @@ class Integrator(Protocol):
 
     def reset(self) -> None:
         """Forgets earlier steps (multistep history, warm starts): the next step starts from its state alone."""
-        ...
 
     def metrics(self) -> dict[str, Any]:
         """What the latest steps cost and whether their solvers converged; empty for schemes that solve nothing."""
-        ...
+        return {}
 
-    @staticmethod
-    def stable_step(omega: float, gamma: float) -> float:
+    @classmethod
+    def stable_step(cls, omega: float, gamma: float) -> float:
         """Largest stable step [s] for x″ + γ x′ + ω² x = 0, γ [1/s] and ω [1/s]; infinite where there is no limit."""
         ...
+
+    @classmethod
+    def usable_step(cls, omega: float, gamma: float) -> float:
+        """Largest step [s] for a network whose fastest mode has these rates: what automatic substeps are made from.
+
+        The stable step, except for schemes that let undamped motion grow at any step, but slowly at small ones.
+        """
+        return cls.stable_step(omega, gamma)

@@ -1,7 +1,6 @@
 """Symplectic (semi-implicit) Euler: velocity first, then position with the new velocity."""
 
 import math
-from typing import Any
 
 import warp as wp
 
@@ -20,6 +19,7 @@ class SymplecticEuler(Integrator):
     implicit = False
     symplectic = True
     capturable = True
+    conserves_angular_momentum = True
     reference = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), I.1.2"
     cost = "1 force evaluation"
     use = "the plain choice for springs: robust and cheap, many small steps for stiff cloth"
@@ -39,15 +39,8 @@ class SymplecticEuler(Integrator):
         )
         drive_pins(model, state_in.world_time, dt, state_out.particle_q, state_out.particle_qd)
 
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def metrics(self) -> dict[str, Any]:
-        """Nothing is solved."""
-        return {}
-
-    @staticmethod
-    def stable_step(omega: float, gamma: float) -> float:
+    @classmethod
+    def stable_step(cls, omega: float, gamma: float) -> float:
         """Largest root of ω² dt² + 2 γ dt = 4, which is 2 (√(1 + ζ²) − ζ)/ω with γ = 2 ζ ω."""
         root = gamma + math.sqrt(gamma * gamma + 4.0 * omega * omega)
         return 4.0 / root if root > 0.0 else math.inf
