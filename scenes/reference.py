@@ -67,7 +67,7 @@ def _section(title: str, tables: tuple[type[Table], ...]) -> str:
     """A heading; where there are several shapes, first what they share and then what each adds."""
     if len(tables) == 1:
         return f"### {title}\n\n{_sentence(tables[0])}\n\n{_rows(tables[0].model_fields)}"
-    base = tables[0].__bases__[0]
+    base: type[Table] = tables[0].__bases__[0]
     parts = [f"### {title}\n\n{_sentence(base)}\n\n{_rows(base.model_fields)}"]
     for table in tables:
         own = {name: info for name, info in table.model_fields.items() if name not in base.model_fields}

@@ -53,7 +53,7 @@ def simulate(
         DivergedError: The simulation diverged.
         KeyboardInterrupt: Interrupted before there was a first frame to keep.
     """
-    options = {"frames": frames}
+    options: dict[str, Any] = {"frames": frames}
     options |= {
         f"simulation.{key}": value
         for key, value in (

@@ -3,7 +3,7 @@
 import datetime
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import ValidationError
 
@@ -81,7 +81,7 @@ def _sentence(problem: Mapping[str, Any]) -> str:
 
 
 def _wrong_shape(where: str, table: str, found: Any) -> str:
-    shapes = [kind.model_fields["shape"].annotation.__args__[0] for kind in KINDS[table]]
+    shapes = [get_args(kind.model_fields["shape"].annotation)[0] for kind in KINDS[table]]
     if not isinstance(found, Mapping) or "shape" not in found:
         return f"the key '{where}.shape' is missing; choose {_listed(shapes)}"
     shape = found["shape"]

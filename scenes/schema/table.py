@@ -31,7 +31,8 @@ class Choice(Table):
     @classmethod
     def choices(cls) -> list[str]:
         """The fields of which one must be given."""
-        return [name for name, info in cls.model_fields.items() if (info.json_schema_extra or {}).get("choice")]
+        extras = {name: info.json_schema_extra for name, info in cls.model_fields.items()}
+        return [name for name, extra in extras.items() if isinstance(extra, dict) and extra.get("choice")]
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Self:

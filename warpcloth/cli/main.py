@@ -3,6 +3,7 @@
 import sys
 import traceback
 from collections.abc import Sequence
+from typing import Any
 
 import typer
 
@@ -14,7 +15,7 @@ from .terminal import messages
 BAD_INPUT = 2
 UNEXPECTED = 1
 # typer has carried its own copy of click's exceptions since 0.2x, so the base class is reached by way of its public one
-ClickError = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+ClickError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 
 def main() -> None:
@@ -61,7 +62,7 @@ def _fail(arguments: Sequence[str], sentence: str, exit_code: int) -> int:
     return exit_code
 
 
-def _usage_sentence(error: Exception) -> str:
+def _usage_sentence(error: Any) -> str:
     """One sentence of a usage error, with the way to the help."""
     text = error.format_message().strip().rstrip(".?")
     context = getattr(error, "ctx", None)
