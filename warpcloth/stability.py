@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 MAX_ITERATIONS = 300
 TOLERANCE = 1e-5
 # Cloth crushed through zero spring length, where the force jumps, gains energy when it steps at the linear limit:
-# without damping a network with random jolts of one cell doubled its energy many times over in 80 frames at 0.95 of the limit,
-# and kept it within 15 % at a quarter of it. With the default damping 0.7 is enough.
+# without damping a network with random jolts of one cell doubled its energy many times over in 80 frames at 0.95 of the
+# limit, and kept it within 15 % at a quarter of it. With the default damping 0.7 is enough.
 SAFETY = 0.7
 
 

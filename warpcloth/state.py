@@ -18,8 +18,8 @@ class State:
         particle_qd: velocities [m/s], shape [particle_count].
         particle_f: forces of the latest evaluation [N], shape [particle_count].
         world_time: time [s], shape [world_count], float64.
-        forces_current: whether ``particle_f`` is the force at these very positions and velocities, so that the next step
-            need not evaluate it again. Set by the integrator; whoever changes the state clears it.
+        forces_current: whether ``particle_f`` is the force at these very positions and velocities, so that the next
+            step need not evaluate it again. Set by the integrator; whoever changes the state clears it.
     """
 
     particle_q: wp.array

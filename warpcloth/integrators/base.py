@@ -53,6 +53,7 @@ class Integrator(Protocol):
 
     def reset(self) -> None:
         """Forgets earlier steps (multistep history, warm starts): the next step starts from its state alone."""
+        return None  # a body, for type checkers take a protocol's method without one as abstract
 
     def metrics(self) -> dict[str, Any]:
         """What the latest steps cost and whether their solvers converged; empty for schemes that solve nothing."""
