@@ -1,0 +1,88 @@
+"""A stage that grows on disk while frames are added, and becomes a finished file in one step."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pxr import Sdf, Usd, UsdUtils
+
+from ...errors import UsdError
+from .crate import save_again
+from .failures import as_usd_error
+from .paths import Target, publish
+from .stage import create_stage
+
+SAVE_BYTES = 64 * 2**20
+
+
+class GrowingStage:
+    """The stage behind a cache. Samples leave the memory at each save.
+
+    It is saved for every 64 MiB of samples, and whenever its frames have doubled: few saves, but a process that is
+    killed leaves at least half of its frames even when the whole shot is small. Each save repeats the tables of
+    all samples, which is why not every frame is saved.
+    """
+
+    def __init__(self, target: Target, fps: float, provenance: Mapping[str, Any]):
+        self.target = target
+        self.stage: Usd.Stage | None = create_stage(target.partial, fps, provenance)
+        self._doing = f"Cannot write the cache {target.final.name}"
+        self._unsaved_bytes = 0
+        self._saved_frames = 0
+
+    def added(self, size: int) -> None:
+        """Takes note of ``size`` more bytes in memory."""
+        self._unsaved_bytes += size
+
+    def save_when_due(self, first_frame: int, last_frame: int) -> None:
+        """Saves if enough has come together; call it after whole frames only."""
+        frames = last_frame - first_frame + 1
+        if self._unsaved_bytes >= SAVE_BYTES or frames >= 2 * self._saved_frames:
+            self.save_frames(first_frame, last_frame)
+
+    def save_frames(self, first_frame: int, last_frame: int) -> None:
+        """Saves everything, with the frames from ``first_frame`` to ``last_frame`` as the range of the stage."""
+        self.stage.SetStartTimeCode(first_frame)
+        self.stage.SetEndTimeCode(last_frame)
+        self.save()
+        self._saved_frames = last_frame - first_frame + 1
+
+    def save(self) -> None:
+        """Saves everything.
+
+        Raises:
+            UsdError: when the disk does not take it.
+        """
+        layer = self.stage.GetRootLayer()
+        if layer.dirty:
+            with as_usd_error(self._doing):
+                save_again(layer, self.target.partial, self._unsaved_bytes)
+        self._unsaved_bytes = 0
+
+    def finish(self) -> Path:
+        """Closes the saved stage, converts it if need be, and gives it its final name."""
+        self.stage = None
+        with as_usd_error(self._doing):
+            self._convert()
+            publish(self.target)
+            self.target.partial.unlink(missing_ok=True)
+            stale = Sdf.Layer.Find(str(self.target.final))
+            if stale:  # somebody in this process still has the file open that was just replaced
+                stale.Reload(force=True)
+        return self.target.final
+
+    def discard(self) -> None:
+        """Closes the stage and removes its file."""
+        self.stage = None
+        self.target.partial.unlink(missing_ok=True)
+
+    def _convert(self) -> None:
+        source, result = self.target.partial, self.target.converted
+        done = True
+        if result.suffix == ".usda":
+            done = Sdf.Layer.FindOrOpen(str(source)).Export(str(result))
+        elif result.suffix == ".usdz":
+            name = self.target.final.with_suffix(".usdc").name
+            done = UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(source)), str(result), name)
+        if not done:
+            raise UsdError(f"{self._doing}: the frames are in {source.name}, but it could not be converted.")

@@ -1,0 +1,106 @@
+"""Triangle meshes as prims: fixed topology, points and all that follows from them sampled."""
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, Vt
+
+from ...cloth import Cloth
+from ...errors import UsdError
+from .roles import CLOTH_ROLE, mark, set_number
+from .stage import bind_color
+from .surface import vertex_normals
+
+SAMPLE_OVERHEAD = 256  # bytes that one sample holds in memory besides its array, rounded up
+
+
+class MeshPrim:
+    """A ``UsdGeomMesh`` of triangles whose default value is its rest pose.
+
+    Args:
+        stage: to define it on.
+        path: of the prim.
+        points: rest pose [m], shape [n, 3].
+        triangles: counter-clockwise seen from the front, shape [m, 3].
+    """
+
+    def __init__(self, stage: Usd.Stage, path: Sdf.Path, points: np.ndarray, triangles: np.ndarray):
+        self.mesh = UsdGeom.Mesh.Define(stage, path)
+        self.prim = self.mesh.GetPrim()
+        self.count = len(points)
+        self.triangles = np.asarray(triangles)
+        self.mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(triangles), 3, np.int32)))
+        self.mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(triangles.ravel(), np.int32)))
+        self.mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        self.mesh.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
+        self.mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+        self.set_points(points, Usd.TimeCode.Default())
+
+    def set_points(self, points: np.ndarray, code: Usd.TimeCode | int) -> int:
+        """Sets points and the normals and extent that follow from them; returns the bytes held in memory."""
+        stored = self.checked(points, "points")
+        self.mesh.GetPointsAttr().Set(_vectors(stored), code)
+        self.mesh.GetNormalsAttr().Set(_vectors(vertex_normals(stored, self.triangles)), code)
+        self.mesh.GetExtentAttr().Set(_vectors(np.stack([stored.min(axis=0), stored.max(axis=0)])), code)
+        return 2 * stored.nbytes + 3 * SAMPLE_OVERHEAD
+
+    def drop(self, code: int) -> None:
+        """Takes back what was set at time ``code``."""
+        for attribute in (self.mesh.GetPointsAttr(), self.mesh.GetNormalsAttr(), self.mesh.GetExtentAttr()):
+            attribute.ClearAtTime(code)
+
+    def checked(self, values: np.ndarray, what: str) -> np.ndarray:
+        """``values`` as stored, after a check that OpenUSD does not make: it takes any shape as a flat list.
+
+        Raises:
+            UsdError: when they are not one vector per vertex.
+        """
+        array = np.asarray(values)
+        if array.shape != (self.count, 3):
+            name = self.prim.GetName()
+            raise UsdError(f"Mesh '{name}' needs {what} of shape ({self.count}, 3), got {array.shape}.")
+        with np.errstate(over="ignore"):  # becomes infinite, which is the caller's to notice
+            return np.ascontiguousarray(array, np.float32)
+
+
+class ClothPrim(MeshPrim):
+    """A cloth: a mesh in world space with velocities, texture coordinates, pins and a material."""
+
+    def __init__(self, stage: Usd.Stage, path: Sdf.Path, cloth: Cloth):
+        super().__init__(stage, path, cloth.points, cloth.triangles)
+        self.mesh.CreateDoubleSidedAttr(True)
+        mark(self.prim, CLOTH_ROLE, cloth.name)
+        self.prim.SetCustomDataByKey("warpcloth:fabric", cloth.fabric.name)
+        set_number(self.prim, "thickness", cloth.fabric.thickness)
+        bind_color(self.prim, cloth.fabric.color, roughness=0.9)
+        self._set_texture_coordinates(cloth)
+        self._set_pins(cloth.pinned)
+
+    def write(self, code: int, points: np.ndarray, velocities: np.ndarray) -> int:
+        """Sets one frame: points [m] and velocities [m/s], shape [n, 3]; returns the bytes held in memory."""
+        stored = self.checked(velocities, "velocities")
+        held = self.set_points(points, code)
+        self.mesh.GetVelocitiesAttr().Set(_vectors(stored), code)
+        return held + stored.nbytes + SAMPLE_OVERHEAD
+
+    def drop(self, code: int) -> None:
+        super().drop(code)
+        self.mesh.GetVelocitiesAttr().ClearAtTime(code)
+
+    def _set_texture_coordinates(self, cloth: Cloth) -> None:
+        if cloth.uvs is None:
+            return
+        primvar = UsdGeom.PrimvarsAPI(self.mesh).CreatePrimvar(
+            "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
+        )
+        primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(cloth.uvs, np.float32)))
+        primvar.SetIndices(Vt.IntArray.FromNumpy(np.ascontiguousarray(cloth.uv_indices.ravel(), np.int32)))
+
+    def _set_pins(self, indices: np.ndarray) -> None:
+        """The held vertices as a point subset, so that they can be seen and selected in any USD tool."""
+        if len(indices) == 0:
+            return
+        held = Vt.IntArray.FromNumpy(np.ascontiguousarray(indices, np.int32))
+        UsdGeom.Subset.CreateGeomSubset(self.mesh, "pins", UsdGeom.Tokens.point, held, "pins")
+
+
+def _vectors(array: np.ndarray) -> Vt.Vec3fArray:
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(array, np.float32))

@@ -1,0 +1,146 @@
+"""Obstacles from a stage: every prim that UsdPhysics or a cache of ours calls a collider."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdPhysics
+
+from ...errors import UsdError
+from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
+from ...transforms import apply
+from .faces import mesh_triangles
+from .opening import transform_codes, world_matrix
+from .rigid import ROUND_OFF, rigid_motion, split, unwound
+from .roles import CLOTH_ROLE, OBSTACLE_ROLE, name_of, numbers, role_of
+
+COLUMNS = {"X": 0, "Y": 1, "Z": 2}
+
+
+def read_obstacles(stage: Usd.Stage, origin: float = 0.0) -> list[Obstacle]:
+    """The colliders of a stage as obstacles in metres, Z up, with their motion.
+
+    Spheres, capsules, cubes, planes and meshes; still, under sampled transforms (which become rigid motions with a key
+    per sample), or with sampled points. What our own caches note besides (thickness, friction, …) is read too.
+
+    Args:
+        stage: any stage.
+        origin: time code that is second 0.
+
+    Raises:
+        UsdError: on a collider of another kind, or one stretched in a way its kind cannot be; MeshError: on a
+            degenerate mesh.
+    """
+    return [_read(prim, origin) for prim in _colliders(stage)]
+
+
+def _colliders(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+        role = role_of(prim)
+        declared = prim.IsA(UsdGeom.Gprim) and prim.HasAPI(UsdPhysics.CollisionAPI) and _enabled(prim)
+        cloth = role == CLOTH_ROLE or "PhysicsSurfaceDeformableSimAPI" in prim.GetAppliedSchemas()
+        if role == OBSTACLE_ROLE or (declared and not cloth):
+            yield prim
+
+
+def _enabled(prim: Usd.Prim) -> bool:
+    return UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is not False
+
+
+def _read(prim: Usd.Prim, origin: float) -> Obstacle:
+    common = {"name": name_of(prim), **numbers(prim, "thickness", "friction", "restitution")}
+    color = UsdGeom.Gprim(prim).GetDisplayColorAttr().Get(Usd.TimeCode.EarliestTime())
+    if color:
+        common["color"] = tuple(float(min(1.0, max(0.0, channel))) for channel in color[0])
+    if prim.IsA(UsdGeom.Mesh):
+        return _mesh(UsdGeom.Mesh(prim), origin, common)
+    for kind, make in _SHAPES.items():
+        if prim.IsA(kind):
+            codes, seconds = _samples(prim, transform_codes(prim), origin)
+            rest = world_matrix(prim, _rest_code(prim, codes))
+            parts = split(rest)
+            if parts is None:
+                raise _stretched(prim)
+            try:
+                common["motion"] = rigid_motion(rest, seconds, [world_matrix(prim, code) for code in codes])
+            except ValueError:
+                raise _stretched(prim) from None
+            return make(kind(prim), *parts, common)
+    wanted = "a Sphere, Capsule, Cube, Plane or Mesh"
+    raise UsdError(f"Collider {prim.GetPath()} is a {prim.GetTypeName()}, which cannot be an obstacle; use {wanted}.")
+
+
+def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObstacle:
+    prim, attribute = mesh.GetPrim(), mesh.GetPointsAttr()
+    deforms = attribute.ValueMightBeTimeVarying()
+    varying = transform_codes(prim) + (attribute.GetTimeSamples() if deforms else [])
+    codes, seconds = _samples(prim, varying, origin)
+    matrices = [world_matrix(prim, code) for code in codes]
+    rest_code = _rest_code(prim, codes)
+    rest = world_matrix(prim, rest_code)
+    points = apply(rest, _points(mesh, rest_code))
+    triangles = mesh_triangles(mesh, points)
+    if np.linalg.det(rest[:3, :3]) < 0.0:
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+    if not deforms:
+        try:
+            return MeshObstacle(points, triangles, motion=rigid_motion(rest, seconds, matrices), **common)
+        except ValueError:  # its transform stretches it: then its world points deform
+            pass
+    samples = [_points(mesh, code) for code in codes]
+    if any(len(sample) != len(points) for sample in samples):
+        raise UsdError(f"Collider {prim.GetPath()} has sampled points of changing number; an obstacle keeps its mesh.")
+    baked = np.stack([apply(matrix, sample) for matrix, sample in zip(matrices, samples, strict=True)])
+    return MeshObstacle(points, triangles, sample_times=seconds, sample_points=baked, **common)
+
+
+def _samples(prim: Usd.Prim, codes: list[float], origin: float) -> tuple[list[float], np.ndarray]:
+    """Sorted time codes, and their times [s]."""
+    ordered = sorted(set(codes))
+    return ordered, (np.array(ordered) - origin) / prim.GetStage().GetTimeCodesPerSecond()
+
+
+def _rest_code(prim: Usd.Prim, codes: list[float]) -> Usd.TimeCode:
+    """When the prim is in its initial place: many writers leave the default of what they sample unset, we do not."""
+    return Usd.TimeCode.Default() if role_of(prim) or not codes else Usd.TimeCode(codes[0])
+
+
+def _points(mesh: UsdGeom.Mesh, code: Usd.TimeCode | float) -> np.ndarray:
+    return np.array(mesh.GetPointsAttr().Get(code) or np.zeros((0, 3)), np.float64)
+
+
+def _stretched(prim: Usd.Prim) -> UsdError:
+    rule = "make it a mesh, or let its transform only turn and move"
+    return UsdError(f"Collider {prim.GetPath()} is a {prim.GetTypeName()} stretched out of its shape; {rule}.")
+
+
+def _sphere(shape: UsdGeom.Sphere, origin, rotation, scales, common: dict[str, Any]) -> Sphere:
+    return Sphere(origin, shape.GetRadiusAttr().Get() * _uniform(shape, scales), **common)
+
+
+def _capsule(shape: UsdGeom.Capsule, origin, rotation, scales, common: dict[str, Any]) -> Capsule:
+    scale = _uniform(shape, scales)
+    half = 0.5 * scale * shape.GetHeightAttr().Get() * rotation[:, COLUMNS[shape.GetAxisAttr().Get()]]
+    return Capsule(origin - half, origin + half, shape.GetRadiusAttr().Get() * scale, **common)
+
+
+def _cube(shape: UsdGeom.Cube, origin, rotation, scales, common: dict[str, Any]) -> Box:
+    return Box(origin, shape.GetSizeAttr().Get() * scales, unwound([rotation])[0], **common)
+
+
+def _plane(shape: UsdGeom.Plane, origin, rotation, scales, common: dict[str, Any]) -> Plane:
+    return Plane(origin, rotation[:, COLUMNS[shape.GetAxisAttr().Get()]], **common)
+
+
+def _uniform(shape: UsdGeom.Gprim, scales: np.ndarray) -> float:
+    if np.ptp(scales) > ROUND_OFF * scales.max():
+        raise _stretched(shape.GetPrim())
+    return float(scales[0])
+
+
+_SHAPES: dict[type[UsdGeom.Gprim], Callable[..., Obstacle]] = {
+    UsdGeom.Sphere: _sphere,
+    UsdGeom.Capsule: _capsule,
+    UsdGeom.Cube: _cube,
+    UsdGeom.Plane: _plane,
+}

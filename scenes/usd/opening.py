@@ -1,0 +1,60 @@
+"""Opening a stage to read it."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdUtils
+
+from ...errors import UsdError
+from .failures import as_usd_error
+
+READABLE = (".usd", ".usda", ".usdc", ".usdz")
+
+
+def open_stage(path: str | os.PathLike) -> Usd.Stage:
+    """The stage in a USD file, as it is on disk now.
+
+    Raises:
+        UsdError: when the file is missing, empty, not USD, or corrupt.
+    """
+    file = Path(path).expanduser().absolute()
+    if file.is_dir():
+        raise UsdError(f"Cannot read {path}: it is a folder, not a USD file.")
+    if not file.exists():
+        raise UsdError(f"Cannot read {path}: there is no such file.")
+    if file.suffix not in READABLE:
+        raise UsdError(f"Cannot read {path}: the name of a USD file ends in {', '.join(READABLE[:-1])} or .usdz.")
+    if file.stat().st_size == 0:
+        raise UsdError(f"Cannot read {path}: the file is empty.")
+    collected = UsdUtils.CoalescingDiagnosticDelegate()  # warnings come back as errors of the checks, not on stderr
+    with as_usd_error(f"Cannot read {path}"):
+        stage = Usd.Stage.Open(str(file))
+        stage.Reload()  # somebody in this process may hold an older state of the file
+    del collected
+    return stage
+
+
+def si_matrix(stage: Usd.Stage) -> np.ndarray:
+    """The 4 × 4 matrix that takes the stage's axes and units to Z up and metres."""
+    matrix = np.eye(4)
+    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
+        matrix[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+    matrix[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
+    return matrix
+
+
+def world_matrix(prim: Usd.Prim, code: Usd.TimeCode | float) -> np.ndarray:
+    """The 4 × 4 matrix, in column-vector convention, from the prim's own frame to Z up and metres at time ``code``."""
+    local_to_world = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(code))
+    return si_matrix(prim.GetStage()) @ np.array(local_to_world).T
+
+
+def transform_codes(prim: Usd.Prim) -> list[float]:
+    """Time codes at which the prim or one of its parents has a sampled transform, sorted."""
+    codes: set[float] = set()
+    while prim and not prim.IsPseudoRoot():
+        if prim.IsA(UsdGeom.Xformable):
+            codes.update(UsdGeom.Xformable(prim).GetTimeSamples())
+        prim = prim.GetParent()
+    return sorted(codes)

@@ -1,0 +1,60 @@
+"""Sampled transforms as rigid motions."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pxr import Gf
+
+from ...motion import Motion
+
+ROUND_OFF = 1e-5  # relative; many writers sample transforms in single precision
+
+
+def split(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Origin, rotation matrix and three scales whose product is ``matrix`` (4 × 4), or None if it shears.
+
+    A mirroring matrix is treated as one that does not mirror, as the shapes this is for are their own mirror images.
+    """
+    scales = np.linalg.norm(matrix[:3, :3], axis=0)
+    if scales.min() == 0.0:
+        return None
+    rotation = matrix[:3, :3] / scales
+    if np.abs(rotation.T @ rotation - np.eye(3)).max() > ROUND_OFF:
+        return None
+    if np.linalg.det(rotation) < 0.0:
+        rotation = rotation * (-1.0, 1.0, 1.0)
+    return matrix[:3, 3], rotation, scales
+
+
+def rigid_motion(rest: np.ndarray, seconds: np.ndarray, matrices: Sequence[np.ndarray]) -> Motion | None:
+    """The motion that takes placement ``rest`` through ``matrices``, 4 × 4 each, at ``seconds``, a key each.
+
+    Raises:
+        ValueError: when the matrices do more than turn and move.
+    """
+    back = np.linalg.inv(rest)
+    turns = [matrix[:3, :3] @ back[:3, :3] for matrix in matrices]
+    for turn in turns:
+        if np.abs(turn.T @ turn - np.eye(3)).max() > ROUND_OFF or np.linalg.det(turn) < 0.0:
+            raise ValueError("not rigid")
+    positions = np.array([matrix[:3, 3] - rest[:3, 3] for matrix in matrices]).reshape(-1, 3)
+    motion = Motion(seconds, positions, unwound(turns), pivot=rest[:3, 3]) if len(matrices) else None
+    return motion if motion is not None and motion.moves else None
+
+
+def unwound(turns: Sequence[np.ndarray]) -> np.ndarray:
+    """Rotation vectors [rad], shape [k, 3], of rotation matrices, each the nearest to the one before.
+
+    A rotation vector is only defined up to whole turns about its axis; this choice lets a wheel roll on.
+    """
+    vectors = np.zeros((len(turns), 3))
+    before = np.zeros(3)
+    for k, turn in enumerate(turns):
+        rotation = Gf.Matrix3d(*turn.T.ravel().tolist()).GetOrthonormalized().ExtractRotation()
+        axis, angle = np.array(rotation.axis), np.radians(rotation.angle)
+        if angle < 1e-12:  # any axis will do; take the one it has been turning about
+            length = np.linalg.norm(before)
+            axis, angle = (before / length if length > 0.0 else axis), 0.0
+        whole_turns = np.round((before @ axis - angle) / (2.0 * np.pi))
+        vectors[k] = before = (angle + 2.0 * np.pi * whole_turns) * axis
+    return vectors
