@@ -11,7 +11,7 @@ from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
 from ...transforms import apply
 from .faces import mesh_triangles
 from .opening import transform_codes, world_matrix
-from .rigid import ROUND_OFF, rigid_motion, split, unwound
+from .rigid import ROUND_OFF, are_rigid, rigid_motion, split, unwound
 from .roles import CLOTH_ROLE, OBSTACLE_ROLE, name_of, numbers, role_of
 
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
@@ -59,13 +59,10 @@ def _read(prim: Usd.Prim, origin: float) -> Obstacle:
             codes, seconds = _samples(prim, transform_codes(prim), origin)
             rest = world_matrix(prim, _rest_code(prim, codes))
             parts = split(rest)
-            if parts is None:
+            matrices = [world_matrix(prim, code) for code in codes]
+            if parts is None or not are_rigid(rest, matrices):
                 raise _stretched(prim)
-            try:
-                common["motion"] = rigid_motion(rest, seconds, [world_matrix(prim, code) for code in codes])
-            except ValueError:
-                raise _stretched(prim) from None
-            return make(kind(prim), *parts, common)
+            return make(kind(prim), *parts, common | {"motion": rigid_motion(rest, seconds, matrices)})
     wanted = "a Sphere, Capsule, Cube, Plane or Mesh"
     raise UsdError(f"Collider {prim.GetPath()} is a {prim.GetTypeName()}, which cannot be an obstacle; use {wanted}.")
 
@@ -82,11 +79,8 @@ def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObst
     triangles = mesh_triangles(mesh, points)
     if np.linalg.det(rest[:3, :3]) < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
-    if not deforms:
-        try:
-            return MeshObstacle(points, triangles, motion=rigid_motion(rest, seconds, matrices), **common)
-        except ValueError:  # its transform stretches it: then its world points deform
-            pass
+    if not deforms and are_rigid(rest, matrices):
+        return MeshObstacle(points, triangles, motion=rigid_motion(rest, seconds, matrices), **common)
     samples = [_points(mesh, code) for code in codes]
     if any(len(sample) != len(points) for sample in samples):
         raise UsdError(f"Collider {prim.GetPath()} has sampled points of changing number; an obstacle keeps its mesh.")

@@ -26,20 +26,25 @@ def split(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | Non
     return matrix[:3, 3], rotation, scales
 
 
-def rigid_motion(rest: np.ndarray, seconds: np.ndarray, matrices: Sequence[np.ndarray]) -> Motion | None:
-    """The motion that takes placement ``rest`` through ``matrices``, 4 × 4 each, at ``seconds``, a key each.
+def are_rigid(rest: np.ndarray, matrices: Sequence[np.ndarray]) -> bool:
+    """Whether placement ``rest`` only has to be turned and moved to become any of ``matrices``, 4 × 4 each."""
+    if np.linalg.det(rest[:3, :3]) == 0.0:
+        return False
+    turns = [matrix[:3, :3] @ np.linalg.inv(rest[:3, :3]) for matrix in matrices]
+    return all(np.abs(turn.T @ turn - np.eye(3)).max() < ROUND_OFF and np.linalg.det(turn) > 0.0 for turn in turns)
 
-    Raises:
-        ValueError: when the matrices do more than turn and move.
+
+def rigid_motion(rest: np.ndarray, seconds: np.ndarray, matrices: Sequence[np.ndarray]) -> Motion | None:
+    """The motion that takes placement ``rest`` through ``matrices`` at ``seconds``, a key each; None if it stays.
+
+    The matrices must be rigid, see :func:`are_rigid`.
     """
-    back = np.linalg.inv(rest)
-    turns = [matrix[:3, :3] @ back[:3, :3] for matrix in matrices]
-    for turn in turns:
-        if np.abs(turn.T @ turn - np.eye(3)).max() > ROUND_OFF or np.linalg.det(turn) < 0.0:
-            raise ValueError("not rigid")
-    positions = np.array([matrix[:3, 3] - rest[:3, 3] for matrix in matrices]).reshape(-1, 3)
-    motion = Motion(seconds, positions, unwound(turns), pivot=rest[:3, 3]) if len(matrices) else None
-    return motion if motion is not None and motion.moves else None
+    if len(matrices) == 0:
+        return None
+    positions = np.array([matrix[:3, 3] - rest[:3, 3] for matrix in matrices])
+    turns = [matrix[:3, :3] @ np.linalg.inv(rest[:3, :3]) for matrix in matrices]
+    motion = Motion(seconds, positions, unwound(turns), pivot=rest[:3, 3])
+    return motion if motion.moves else None
 
 
 def unwound(turns: Sequence[np.ndarray]) -> np.ndarray:
