@@ -10,12 +10,16 @@ from .. import validate
 from ..errors import InputError
 from ..model import Model
 from .base import Integrator
+from .pbd import Pbd
 from .symplectic_euler import SymplecticEuler
+from .xpbd import Xpbd
 
 INTEGRATORS: dict[str, type[Integrator]] = {
     cls.name: cls
     for cls in (
         SymplecticEuler,
+        Pbd,
+        Xpbd,
     )
 }  # fmt: skip
 

@@ -1,0 +1,75 @@
+"""Start and end of a step that is solved for displacements: the part shared by the position-based schemes.
+
+With x₀, v₀ at the start of a step of h seconds, the unknown is the displacement δ = x − x₀ of each particle. Springs
+aside, it would be δ̂ = h v₀ + h² f/m: the inertial displacement. Solving for δ rather than for x keeps velocities δ/h
+and damping free of the cancellation that subtracting two positions brings, which matters in single precision.
+"""
+
+import sys
+
+import warp as wp
+
+from .precision import OPTIONS, real, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.kernel
+def predict(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    particle_f: wp.array(dtype=vec3),
+    dt: real,
+    # Out
+    inertial_out: wp.array(dtype=vec3),
+    displacement_out: wp.array(dtype=vec3),
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """Inertial displacement δ̂, with which the solution δ starts. Pinned particles stay; their driver moves them."""
+    i = wp.tid()
+    w = particle_inv_mass[i]
+    inertial = vec3()
+    if w > real(0.0):
+        inertial = dt * (particle_qd[i] + (dt * w) * particle_f[i])
+    inertial_out[i] = inertial
+    displacement_out[i] = inertial
+    particle_q_out[i] = particle_q[i]
+    particle_qd_out[i] = vec3()
+
+
+@wp.kernel
+def displace_pins(
+    # Model
+    pin_particle: wp.array(dtype=wp.int32),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_q_end: wp.array(dtype=vec3),
+    # Out
+    displacement_out: wp.array(dtype=vec3),
+):
+    """Displacement of driven pins over the step."""
+    i = pin_particle[wp.tid()]
+    displacement_out[i] = particle_q_end[i] - particle_q[i]
+
+
+@wp.kernel
+def finish(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    displacement: wp.array(dtype=vec3),
+    dt: real,
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """x = x₀ + δ and v = δ/h of free particles."""
+    i = wp.tid()
+    if particle_inv_mass[i] > real(0.0):
+        particle_q_out[i] = particle_q[i] + displacement[i]
+        particle_qd_out[i] = displacement[i] / dt

@@ -1,0 +1,145 @@
+"""Position-based schemes: exact for one spring, converging to the implicit step, conserving what they should."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import warpcloth as wc
+from warpcloth.integrators.colouring import grouped, particle_colours, spring_colours
+
+SCHEMES = [("pbd", {"stiffness": 0.3}), ("xpbd", {}), ("xpbd", {"iterations": 4})]
+every_scheme = pytest.mark.parametrize(("name", "options"), SCHEMES, ids=[f"{n}-{o}" for n, o in SCHEMES])
+
+
+def network(seed: int, particles: int = 24, springs: int = 60, damping: float = 0.5) -> dict:
+    """A stretched random network: rest lengths are shorter than the springs, in float64."""
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(particles, 3))
+    ends = rng.integers(0, particles, (springs, 2))
+    ends[:, 1] = np.where(ends[:, 0] == ends[:, 1], (ends[:, 1] + 1) % particles, ends[:, 1])
+    return {
+        "positions": x,
+        "masses": rng.uniform(0.5, 2.0, particles),
+        "springs": ends,
+        "rest_lengths": np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1) * rng.uniform(0.6, 0.9, springs),
+        "k_s": rng.uniform(10.0, 100.0, springs),
+        "k_d": damping * rng.uniform(0.5, 1.0, springs),
+        "velocities": rng.normal(size=(particles, 3)),
+        "precision": "float64",
+    }
+
+
+def after_steps(net: dict, name: str, options: dict, h: float, steps: int = 1, gravity=(0.0, 0.0, 0.0), graph=False):
+    sim = wc.Simulation(
+        wc.Model.from_springs(**net), name, gravity, substeps=1, integrator_options=options, graph=graph
+    )
+    for _ in range(steps):
+        sim.step(h)
+    return sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()
+
+
+def test_one_xpbd_spring_is_implicit_euler():
+    """The damped spring of section 1, where implicit Euler is a linear equation."""
+    m, k_s, k_d, r, g, h = 0.05, 20.0, 0.05, 0.25, 9.81, 0.01
+    net = {"positions": [[0, 0, 0], [0.30, 0, 0]], "masses": [1.0, m], "springs": [[0, 1]], "rest_lengths": r}
+    net |= {"k_s": k_s, "k_d": k_d, "pinned": [0], "precision": "float64"}
+    x, v, expected = 0.30, 0.0, []
+    for _ in range(100):
+        v = (v + h * (g - k_s / r * (x - r) / m)) / (1.0 + h * k_d / (r * m) + h * h * k_s / (r * m))
+        x += h * v
+        expected.append((x, v))
+    assert np.ptp(expected, axis=0).max() > 0.1
+    for options in ({}, {"iterations": 3}):
+        q, qd = after_steps(net, "xpbd", options, h, steps=100, gravity=(g, 0, 0))
+        assert q[1, 0] == pytest.approx(expected[-1][0], rel=1e-13)
+        assert qd[1, 0] == pytest.approx(expected[-1][1], abs=1e-12)
+
+
+@pytest.mark.parametrize(("share", "sweeps", "h"), [(0.3, 1, 0.01), (0.3, 1, 0.02), (0.8, 3, 0.01)])
+def test_pbd_stiffness_is_made_by_the_step(share, sweeps, h):
+    """A spring of pbd is a spring of xpbd whose stiffness is the one that its documentation states."""
+    net = network(1, particles=2, springs=1, damping=0.0)
+    w = float(np.sum(1.0 / net["masses"]))
+    r = float(net["rest_lengths"][0])
+    same = net | {"k_s": r * ((1.0 - share) ** -sweeps - 1.0) / (h * h * w)}
+    q, _ = after_steps(net, "pbd", {"stiffness": share, "iterations": sweeps}, h)
+    q_same, _ = after_steps(same, "xpbd", {}, h)
+    assert np.abs(q - net["positions"]).max() > 1e-3
+    assert np.abs(q - q_same).max() <= 1e-14
+
+
+@every_scheme
+def test_linear_momentum(name, options):
+    net = network(2)
+    q, qd = after_steps(net, name, options, 0.05, steps=40)
+    m = net["masses"][:, None]
+    assert np.abs(q - net["positions"]).max() > 1.0
+    before, after = (m * net["velocities"]).sum(axis=0), (m * qd).sum(axis=0)
+    assert np.abs(after - before).max() <= 1e-13 * np.abs(m * qd).sum()
+
+
+def test_impulses_of_a_spring_have_no_moment():
+    """Σ x₁ × m (v₁ − v₀) = 0 as in implicit Euler: the impulse lies along the spring at the end of the step."""
+    net = network(3, particles=2, springs=1)
+    q, qd = after_steps(net, "xpbd", {}, 0.05)
+    impulse = net["masses"][:, None] * (qd - net["velocities"])
+    assert np.abs(impulse).max() > 0.1
+    assert np.abs(np.cross(q, impulse).sum(axis=0)).max() <= 1e-15
+
+
+@every_scheme
+def test_springs_of_zero_length(name, options):
+    net = network(4)
+    net |= {"positions": np.zeros((24, 3)), "velocities": np.zeros((24, 3)), "masses": 1.0}  # so rounding is equal
+    q, qd = after_steps(net, name, options, 0.05, steps=3, gravity=(0.0, 0.0, -9.81))
+    assert np.isfinite(q).all()
+    assert np.ptp(q, axis=0).max() <= 1e-12  # they fall together
+    assert qd[:, 2] == pytest.approx(-9.81 * 0.15)
+
+
+def swinging_cloth(seed: int) -> wc.Cloth:
+    shaken = wc.Motion.keyframes([(0.0, (0, 0, 0)), (0.1, (0.1 * seed, 0, 0.1)), (0.3, (0, 0, 0))])
+    return wc.Cloth.grid(size=(0.4, 0.4), resolution=(7 + seed, 9), pins=("top", wc.pin("bottom_left", shaken)))
+
+
+@every_scheme
+def test_captured_steps_and_worlds(name, options):
+    """Graphs change nothing, a world among others is that world alone, to the last bit; pins follow their motion."""
+
+    def run(worlds, graph):
+        model = wc.Model.build_worlds([([swinging_cloth(k)], []) for k in worlds])
+        sim = wc.Simulation(model, name, substeps=3, integrator_options=options, graph=graph)
+        sim.run(6, fps=60)
+        return [sim.state.particle_q.numpy()[c.start : c.stop] for c in model.cloths]
+
+    both = run([0, 1], graph=False)
+    for k, alone in enumerate(both):
+        assert np.array_equal(alone, run([k], graph=True)[0])
+    start = swinging_cloth(1).points
+    assert both[1][0] - start[0] == pytest.approx([0.1, 0, 0.1], abs=1e-6)
+    assert np.abs(both[1] - start).max() > 0.02
+
+
+def test_colours():
+    cloths = [wc.Cloth.grid(size=(1.0, 1.0), resolution=(17, 24)), wc.Cloth.disc(0.5, 12)]
+    for cloth in cloths:
+        ends, count = np.asarray(cloth.springs.indices), len(cloth.points)
+        colours = spring_colours(ends, count)
+        touched = np.column_stack([np.concatenate([colours, colours]), ends.T.ravel()])
+        assert len(np.unique(touched, axis=0)) == 2 * len(ends)
+        assert colours.max() < np.bincount(ends.ravel()).max() + 1  # Vizing's bound
+        of_particle = particle_colours(ends, count)
+        assert (of_particle[ends[:, 0]] != of_particle[ends[:, 1]]).all()
+        assert of_particle.max() < 8
+        order, start = grouped(colours)
+        assert np.array_equal(np.sort(order), np.arange(len(ends)))
+        assert all((np.diff(order[a:b]) > 0).all() for a, b in pairwise(start))
+
+
+def test_bad_options():
+    model = wc.Model.from_springs([[0, 0, 0], [1, 0, 0]], 1.0, [[0, 1]], 1.0, 1.0, 0.0)
+    cases = [("xpbd", "iterations", 0), ("xpbd", "iterations", 1.5), ("pbd", "stiffness", 1.1), ("pbd", "bending", -1)]
+    for name, option, value in cases:
+        with pytest.raises(wc.errors.InputError, match=option.capitalize()):
+            wc.Simulation(model, name, integrator_options={option: value})
