@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+import pytest
 import warp as wp
 
 
@@ -19,5 +20,10 @@ def _give_worker_its_own_cache() -> None:
 
 _give_worker_its_own_cache()
 wp.config.log_level = wp.LOG_WARNING
-wp.init()
-wp.set_device("cpu")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def warp_on_the_cpu() -> None:
+    """Here rather than on import, so that Warp's notice of a missing driver does not follow pytest's closing line."""
+    wp.init()
+    wp.set_device("cpu")
