@@ -124,7 +124,7 @@ class _Run:
         if net is None:
             return Model.build(self.cloths, self.obstacles, device=device, precision=precision)
         laws = (net.springs, net.rest_lengths, net.k_s, net.k_d)
-        return Model.from_springs(net.positions, net.masses, *laws, net.pinned, device=device, precision=precision)
+        return Model.from_springs(net.points, net.masses, *laws, net.pinned, device=device, precision=precision)
 
     def _step(self, simulation: Simulation) -> None:
         begun = time.perf_counter()

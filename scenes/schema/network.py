@@ -22,7 +22,7 @@ class Network:
 
     Args:
         name: Name in the USD file.
-        positions: Start positions [m], shape [n, 3].
+        points: Start positions [m], shape [n, 3].
         masses: Masses [kg], shape [n].
         springs: Pairs of particles, shape [s, 2].
         rest_lengths: Rest lengths [m], shape [s].
@@ -33,7 +33,7 @@ class Network:
     """
 
     name: str
-    positions: np.ndarray
+    points: np.ndarray
     masses: np.ndarray
     springs: np.ndarray
     rest_lengths: np.ndarray
@@ -89,7 +89,7 @@ class NetworkTable(Table):
         lengths = self._lengths() if self.rest_lengths is None else np.broadcast_to(self.rest_lengths, springs)
         return Network(
             name=self.name,
-            positions=np.array(self.positions),
+            points=np.array(self.positions),
             masses=np.array(np.broadcast_to(self.masses, len(self.positions))),
             springs=np.array(self.springs, dtype=np.int32),
             rest_lengths=np.array(lengths),

@@ -3,13 +3,14 @@
 from pxr import Sdf, Usd
 
 CLOTH_ROLE = "cloth"
+NETWORK_ROLE = "network"
 OBSTACLE_ROLE = "obstacle"
 _ROLE = "warpcloth:role"
 _NAME = "warpcloth:name"
 
 
 def mark(prim: Usd.Prim, role: str, name: str) -> None:
-    """Notes on ``prim`` that it is a cloth or an obstacle, and its name before it became a prim name."""
+    """Notes on ``prim`` that it is a cloth, a network or an obstacle, and its name before it became a prim name."""
     prim.SetCustomDataByKey(_ROLE, role)
     prim.SetCustomDataByKey(_NAME, name)
 

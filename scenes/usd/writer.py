@@ -9,12 +9,15 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+from pxr import Sdf, Usd
 
 from ...cloth import Cloth
 from ...errors import DivergedError, InputError, UsdError
 from ...obstacles import Obstacle
+from ..schema import Network
 from .growing import GrowingStage
 from .mesh_prims import ClothPrim
+from .network_prims import NetworkPrim
 from .obstacle_prims import ObstaclePrim, Surroundings
 from .paths import output_target
 from .stage import CLOTH, OBSTACLES, prim_names
@@ -32,7 +35,8 @@ class CacheWriter:
 
     Args:
         path: ``.usdc``, ``.usda`` or ``.usdz`` file; an existing one is replaced once the new one is complete.
-        cloths: with different names; each becomes a mesh whose default value is its rest pose.
+        cloths: with different names; each becomes a mesh whose default value is its rest pose. Networks of springs
+            become points and curves.
         obstacles: shown as well, and sampled if they move.
         fps: frames per second, > 0.
         provenance: facts to keep in the file (scene, integrator, seed, …): numbers, text, lists and dictionaries.
@@ -44,7 +48,7 @@ class CacheWriter:
     def __init__(
         self,
         path: str | os.PathLike,
-        cloths: Sequence[Cloth],
+        cloths: Sequence[Cloth | Network],
         obstacles: Sequence[Obstacle] = (),
         fps: float = 24.0,
         provenance: Mapping[str, Any] | None = None,
@@ -127,10 +131,10 @@ class CacheWriter:
         else:
             self.abort()
 
-    def _define_prims(self, cloths: Sequence[Cloth], obstacles: Sequence[Obstacle]) -> None:
+    def _define_prims(self, cloths: Sequence[Cloth | Network], obstacles: Sequence[Obstacle]) -> None:
         stage, around = self._file.stage, _surroundings(cloths)
         paths = [CLOTH.AppendChild(name) for name in prim_names([cloth.name for cloth in cloths])]
-        self._cloths = {c.name: ClothPrim(stage, path, c) for c, path in zip(cloths, paths, strict=True)}
+        self._cloths = {c.name: _drawn(stage, path, c) for c, path in zip(cloths, paths, strict=True)}
         paths = [OBSTACLES.AppendChild(name) for name in prim_names([obstacle.name for obstacle in obstacles])]
         self._obstacles = [ObstaclePrim(stage, path, o, around) for o, path in zip(obstacles, paths, strict=True)]
         self._file.added(sum(map(_size, [*cloths, *obstacles])))
@@ -164,7 +168,12 @@ class CacheWriter:
             prim.drop(self._begun)
 
 
-def _check_cloths(cloths: Sequence[Cloth]) -> None:
+def _drawn(stage: Usd.Stage, path: Sdf.Path, cloth: Cloth | Network) -> ClothPrim | NetworkPrim:
+    kind = NetworkPrim if isinstance(cloth, Network) else ClothPrim
+    return kind(stage, path, cloth)
+
+
+def _check_cloths(cloths: Sequence[Cloth | Network]) -> None:
     names = [cloth.name for cloth in cloths]
     if not names:
         raise InputError("Cannot write a cache without a cloth.")
@@ -173,13 +182,13 @@ def _check_cloths(cloths: Sequence[Cloth]) -> None:
         raise InputError(f"Cannot write a cache with two cloths named '{twice}'; give each its own name.")
 
 
-def _surroundings(cloths: Sequence[Cloth]) -> Surroundings:
+def _surroundings(cloths: Sequence[Cloth | Network]) -> Surroundings:
     points = np.concatenate([cloth.points for cloth in cloths])
     lower, upper = points.min(axis=0), points.max(axis=0)
     return Surroundings(0.5 * (lower + upper), float(np.linalg.norm(upper - lower)))
 
 
-def _size(item: Cloth | Obstacle) -> int:
+def _size(item: Cloth | Network | Obstacle) -> int:
     """Bytes, at the very least as many as its prim takes up, of what is not sampled."""
     arrays = [getattr(item, name, None) for name in ("points", "triangles", "uvs", "uv_indices")]
     return 2 * sum(array.nbytes for array in arrays if array is not None)

@@ -1,0 +1,86 @@
+"""Bare networks of springs as prims: balls for the particles, straight curves for the springs."""
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, Vt
+
+from ...errors import UsdError
+from ..schema import Network
+from .mesh_prims import SAMPLE_OVERHEAD
+from .roles import NETWORK_ROLE, mark
+from .stage import bind_color
+
+BALL = 5.0  # diameter of the heaviest particle's ball over that of a spring
+PARTICLE_COLOR = (0.72, 0.20, 0.12)
+SPRING_COLOR = (0.35, 0.37, 0.42)
+
+
+class NetworkPrim:
+    """A network: an Xform with its ``particles`` (UsdGeomPoints) and its ``springs`` (linear UsdGeomBasisCurves).
+
+    Both have velocities; the default value of points and extent is the start. The volume of a ball goes with its mass.
+
+    Args:
+        stage: to define it on.
+        path: of the Xform.
+        network: what to draw.
+    """
+
+    def __init__(self, stage: Usd.Stage, path: Sdf.Path, network: Network):
+        self.prim = UsdGeom.Xform.Define(stage, path).GetPrim()
+        self.ends = np.asarray(network.springs).ravel()
+        self.count = len(network.points)
+        mark(self.prim, NETWORK_ROLE, network.name)
+        self.particles = UsdGeom.Points.Define(stage, path.AppendChild("particles"))
+        self.particles.CreateIdsAttr(Vt.Int64Array(range(self.count)))
+        balls = BALL * network.width * np.cbrt(network.masses / network.masses.max())
+        self.particles.CreateWidthsAttr(Vt.FloatArray.FromNumpy(balls.astype(np.float32)))
+        self.particles.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
+        self.springs = UsdGeom.BasisCurves.Define(stage, path.AppendChild("springs"))
+        self.springs.CreateTypeAttr(UsdGeom.Tokens.linear)
+        self.springs.CreateCurveVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(network.springs), 2, np.int32)))
+        self.springs.CreateWidthsAttr([network.width])
+        self.springs.SetWidthsInterpolation(UsdGeom.Tokens.constant)
+        bind_color(self.particles.GetPrim(), PARTICLE_COLOR, roughness=0.4)
+        bind_color(self.springs.GetPrim(), SPRING_COLOR, roughness=0.4)
+        self._set_points(self.checked(network.points, "points"), Usd.TimeCode.Default())
+
+    def write(self, code: int, points: np.ndarray, velocities: np.ndarray) -> int:
+        """Sets one frame: points [m] and velocities [m/s], shape [n, 3]; returns the bytes held in memory."""
+        stored, speeds = self.checked(points, "points"), self.checked(velocities, "velocities")
+        held = self._set_points(stored, code)
+        self.particles.GetVelocitiesAttr().Set(_vectors(speeds), code)
+        self.springs.GetVelocitiesAttr().Set(_vectors(speeds[self.ends]), code)
+        return 2 * held
+
+    def drop(self, code: int) -> None:
+        """Takes back what was set at time ``code``."""
+        for drawn in (self.particles, self.springs):
+            for attribute in (drawn.GetPointsAttr(), drawn.GetVelocitiesAttr(), drawn.GetExtentAttr()):
+                attribute.ClearAtTime(code)
+
+    def checked(self, values: np.ndarray, what: str) -> np.ndarray:
+        """``values`` as stored.
+
+        Raises:
+            UsdError: when they are not one vector per particle.
+        """
+        array = np.asarray(values)
+        if array.shape != (self.count, 3):
+            name = self.prim.GetName()
+            raise UsdError(f"Network '{name}' needs {what} of shape ({self.count}, 3), got {array.shape}.")
+        with np.errstate(over="ignore"):  # becomes infinite, which is the caller's to notice
+            return np.ascontiguousarray(array, np.float32)
+
+    def _set_points(self, points: np.ndarray, code: Usd.TimeCode | int) -> int:
+        held = 0
+        for drawn, placed in ((self.particles, points), (self.springs, points[self.ends])):
+            stored = _vectors(placed)
+            drawn.GetPointsAttr().Set(stored, code)
+            extent = type(drawn).ComputeExtent(stored, drawn.GetWidthsAttr().Get())
+            drawn.CreateExtentAttr().Set(extent, code)
+            held += placed.nbytes + 2 * SAMPLE_OVERHEAD
+        return held
+
+
+def _vectors(array: np.ndarray) -> Vt.Vec3fArray:
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(array, np.float32))
