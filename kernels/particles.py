@@ -1,4 +1,4 @@
-"""Per-particle work: gravity, time integration, the passing of time."""
+"""Per-particle work: gravity, energies, the passing of time."""
 
 import sys
 
@@ -56,29 +56,6 @@ def kinetic_energy(
     v = particle_qd[i]
     e = wp.float64(0.5) * wp.float64(particle_mass[i]) * wp.float64(wp.dot(v, v))
     wp.atomic_add(energy_out, particle_world[i], e)
-
-
-@wp.kernel
-def symplectic_euler(
-    # Model
-    particle_inv_mass: wp.array(dtype=real),
-    # State in
-    particle_q: wp.array(dtype=vec3),
-    particle_qd: wp.array(dtype=vec3),
-    particle_f: wp.array(dtype=vec3),
-    dt: real,
-    # Out
-    particle_q_out: wp.array(dtype=vec3),
-    particle_qd_out: wp.array(dtype=vec3),
-):
-    """v ← v + dt f/m, then x ← x + dt v with the new v. Pinned particles (1/m = 0) stay; their driver moves them."""
-    i = wp.tid()
-    w = particle_inv_mass[i]
-    v = particle_qd[i] + dt * w * particle_f[i]
-    if w == real(0.0):
-        v = vec3()
-    particle_qd_out[i] = v
-    particle_q_out[i] = particle_q[i] + dt * v
 
 
 @wp.kernel

@@ -11,13 +11,20 @@ from ..errors import InputError
 from ..model import Model
 from .base import Integrator
 from .pbd import Pbd
-from .symplectic_euler import SymplecticEuler
+from .runge_kutta import ClassicalRungeKutta, ForwardEuler, Midpoint, Trapezoidal
+from .splitting import Pefrl, SymplecticEuler, VelocityVerlet
 from .xpbd import Xpbd
 
 INTEGRATORS: dict[str, type[Integrator]] = {
     cls.name: cls
     for cls in (
+        ForwardEuler,
+        Midpoint,
+        Trapezoidal,
+        ClassicalRungeKutta,
         SymplecticEuler,
+        VelocityVerlet,
+        Pefrl,
         Pbd,
         Xpbd,
     )
