@@ -190,8 +190,8 @@ def test_overrides_by_number_and_by_name():
         "two_cloths",
         [
             "cloth.0.fabric.areal_density=0.25",
-            "cloth.light.size=[2, 3]",
-            "obstacle.rail.motion.keys=[{time=0}]",
+            "cloth.silk.size=[2, 3]",
+            "obstacle.left_stand.motion.keys=[{time=0}]",
             "simulation.precision=float64",
             "cloth.1.fabric.color.0 = 0.125",
         ],
@@ -208,10 +208,10 @@ def test_overrides_by_number_and_by_name():
     [
         ("frames", "'frames' is not of the form path=value"),
         ("cloth.3.size=[1, 1]", "'cloth' is a list of 2, counted from 0, so it has no 3"),
-        ("cloth.hevy.size=[1, 1]", "'cloth' is a list and has no item 'hevy'; did you mean 'heavy'?"),
+        ("cloth.canvs.size=[1, 1]", "'cloth' is a list and has no item 'canvs'; did you mean 'canvas'?"),
         ("frames.x=1", "'frames' is a single value and has no 'x' in it"),
         ("frames=1\nfps=2", "the value '1\\nfps=2' for 'frames' is not TOML"),
-        ("cloth.light.sise=[1, 1]", "the key 'cloth.1.sise' is unknown; did you mean 'size'?"),
+        ("cloth.silk.sise=[1, 1]", "the key 'cloth.1.sise' is unknown; did you mean 'size'?"),
         ("cloth.0.fabric.friction=-1", "cloth.0.fabric.friction must be a number from 0 to 10, not -1"),
     ],
 )

@@ -33,7 +33,8 @@ def print_report(report: Report, stream: TextIO, *, as_json: bool) -> None:
     if as_json:
         stream.write(to_json(report.data) + "\n")
     else:
-        Console(file=stream).print(report.text)
+        # In a pipe there is no width to wrap sentences at; tables have their own.
+        Console(file=stream).print(report.text, soft_wrap=isinstance(report.text, str), highlight=False)
     stream.flush()
 
 

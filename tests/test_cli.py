@@ -1,0 +1,175 @@
+"""The command line: what goes to stdout, what to stderr, and the exit code."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from rich.text import Text
+from warpcloth.scenes import bundled_scenes
+
+import warpcloth
+from warpcloth.cli import app, run
+from warpcloth.cli.report import Report, to_json
+
+PROMISED = {
+    "scene", "integrator", "precision", "device", "frames", "substeps", "particles", "springs", "triangles",
+    "ms_per_frame", "compile_s", "mean_strain", "max_strain", "intersections", "max_penetration_m", "settled", "output",
+}  # fmt: skip
+NAPKIN = '[[cloth]]\nname = "napkin"\nshape = "grid"\nresolution = [4, 4]\n'
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A working folder with a small scene in it."""
+    (tmp_path / "napkin.toml").write_text(NAPKIN)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def simulate_small(*more):
+    """Run ``simulate`` on the small scene."""
+    return run(["simulate", "napkin.toml", "--frames", "2", "--device", "cpu", *more])
+
+
+def test_simulate_writes_a_cache_and_a_summary(folder, capfd):
+    assert simulate_small("--set", "cloth.napkin.size=[0.5, 0.5]", "--substeps", "200", "-o", "out.usdc") == 0
+    out, err = capfd.readouterr()
+    assert (folder / "out.usdc").is_file()
+    assert "out.usdc: frames 0 to 2" in out
+    assert "200 substeps" in out
+    assert err == ""
+
+
+def test_json_is_all_there_is_on_stdout_and_has_the_promised_keys(folder, capfd):
+    assert simulate_small("--json", "--precision", "float64") == 0
+    out, err = capfd.readouterr()
+    result = json.loads(out)
+    assert set(result) >= PROMISED
+    assert (result["frames"], result["particles"], result["precision"]) == (2, 16, "float64")
+    assert result["output"] == str(folder / "napkin.usdc")
+    assert err == ""
+
+
+def test_what_warp_prints_stays_off_stdout(folder):
+    """With --debug Warp talks, from Python and from native code; run apart, so that it really starts up."""
+    environment = {**os.environ, "WARP_CACHE_PATH": str(folder / "cache")}
+    command = [sys.executable, "-m", "warpcloth", "simulate", "napkin.toml", "--frames", "1", "--json", "--debug"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, check=True)
+    assert json.loads(done.stdout)["frames"] == 1
+    assert "Warp" in done.stderr
+
+
+def test_scenes_lists_all_with_title_and_path(capsys):
+    assert run(["scenes", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["scenes"]
+    assert [row["name"] for row in rows] == bundled_scenes()
+    assert all(row["title"] and row["description"] and os.path.isfile(row["path"]) for row in rows)
+    assert run(["scenes"]) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in bundled_scenes())
+
+
+def test_integrators_lists_all_with_their_attributes(capsys):
+    assert run(["integrators", "--json"]) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)["integrators"]}
+    assert set(rows) == set(warpcloth.integrators())
+    assert rows["symplectic_euler"]["order"] == 1
+    assert rows["symplectic_euler"]["symplectic"] is True
+    assert run(["integrators"]) == 0
+    assert all(name in capsys.readouterr().out for name in ["symplectic_euler"])
+
+
+MISTAKES = [
+    (["simulate", "hangin"], "there is no scene 'hangin'; did you mean 'hanging'?"),
+    (["simulate"], "Missing argument 'SCENE'; see `warpcloth simulate --help`."),
+    (["simulat", "x"], "No such command 'simulat'; did you mean 'simulate'; see `warpcloth --help`."),
+    (["scenes", "--frames", "3"], "No such option: --frames; see `warpcloth scenes --help`."),
+    (["simulate", "napkin.toml", "--frames", "two"], "frames must be a whole number from 1 to 1,000,000, not 'two'."),
+    (["simulate", "napkin.toml", "--frames", "-1"], "frames must be a whole number from 1 to 1,000,000, not -1."),
+    (["simulate", "napkin.toml", "--substeps", "0"], 'simulation.substeps must be "auto" or a whole number'),
+    (["simulate", "napkin.toml", "--set", "frames"], "napkin.toml: 'frames' is not of the form path=value"),
+    (["simulate", "napkin.toml", "--set", "cloth.0.sise=1"], "the key 'cloth.0.sise' is unknown; did you mean 'size'?"),
+    (["simulate", "napkin.toml", "-o", "no/where.usdc"], "the folder"),
+    (["simulate", "napkin.toml", "-o", "where.abc"], "must end in .usdc, .usda or .usdz."),
+]
+
+
+@pytest.mark.parametrize(("arguments", "sentence"), MISTAKES, ids=[" ".join(words) for words, _ in MISTAKES])
+def test_a_mistake_is_one_sentence_on_stderr_and_exit_code_2(arguments, sentence, folder, capfd):
+    assert run(arguments) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert err.startswith("warpcloth: ")
+    assert sentence in err
+    assert err.count("\n") == 1
+    assert [path.name for path in folder.iterdir()] == ["napkin.toml"]
+
+
+def test_a_mistake_under_json_is_an_object_too(folder, capfd):
+    assert run(["simulate", "hangin", "--json"]) == 2
+    out, err = capfd.readouterr()
+    assert json.loads(out) == {"error": err.removeprefix("warpcloth: ").strip(), "exit_code": 2}
+
+
+def test_a_failed_simulation_has_exit_code_3(folder, capfd):
+    inside = '[[obstacle]]\nshape = "sphere"\ncenter = [0, 0, 0]\nradius = 2.0\n'
+    (folder / "napkin.toml").write_text(NAPKIN + inside)
+    assert simulate_small() == 3
+    assert "'napkin' starts inside an obstacle" in capfd.readouterr().err
+
+
+def test_an_interrupted_simulation_says_so(folder, monkeypatch, capfd):
+    from warpcloth.scenes import run as scenes_run
+
+    finished = scenes_run.simulate
+
+    def interrupted(*arguments, **options):
+        result = finished(*arguments, **options)
+        return type(result)(**{**result.as_dict(), "interrupted": True})
+
+    monkeypatch.setattr(scenes_run, "simulate", interrupted)
+    assert simulate_small() == 130
+    assert "(interrupted)" in capfd.readouterr().out
+
+
+def test_a_defect_is_not_hidden_and_debug_shows_where(monkeypatch, capsys):
+    def broken() -> Report:
+        """Break."""
+        raise RuntimeError("the cause")
+
+    monkeypatch.setattr(app.scenes, "command", broken)
+    assert run(["scenes"]) == 1
+    err = capsys.readouterr().err
+    assert "RuntimeError: the cause" in err
+    assert "--debug" in err
+    assert "Traceback" not in err
+    assert run(["scenes", "--debug"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], *[[module, "--help"] for module in ("simulate", "check")]])
+def test_help_goes_to_stdout(arguments, capsys):
+    assert run(arguments) == 0
+    assert "Usage: warpcloth" in capsys.readouterr().out
+
+
+def test_the_module_runs_and_knows_its_version():
+    done = subprocess.run([sys.executable, "-m", "warpcloth", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"warpcloth {warpcloth.__version__}\n"
+
+
+def test_numbers_that_json_does_not_have_become_null():
+    assert json.loads(to_json({"a": float("nan"), "b": [float("inf"), 1.5], "c": (1, True)})) == {
+        "a": None,
+        "b": [None, 1.5],
+        "c": [1, True],
+    }
+
+
+def test_reports_of_people_are_plain_text_in_a_pipe(capsys):
+    from warpcloth.cli.report import print_report
+
+    print_report(Report({}, Text("done", style="green")), sys.stdout, as_json=False)
+    assert capsys.readouterr().out == "done\n"
