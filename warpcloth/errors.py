@@ -42,5 +42,13 @@ class DivergedError(SimulationError):
     """Positions or velocities became non-finite or absurdly large."""
 
 
+class StepSizeError(SimulationError):
+    """An adaptive integrator cannot meet its tolerances with any step that makes progress."""
+
+
+class StabilityWarning(UserWarning):
+    """The steps asked for are too large for the integrator; the message says how many substeps would do."""
+
+
 class BadStartError(SimulationError):
     """The initial state is not one that can be simulated, e.g. cloth that starts inside an obstacle."""

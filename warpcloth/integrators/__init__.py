@@ -10,6 +10,7 @@ from .. import validate
 from ..errors import InputError
 from ..model import Model
 from .base import Integrator
+from .embedded_pairs import BogackiShampine, DormandPrince
 from .pbd import Pbd
 from .runge_kutta import ClassicalRungeKutta, ForwardEuler, Midpoint, Trapezoidal
 from .splitting import Pefrl, SymplecticEuler, VelocityVerlet
@@ -22,6 +23,8 @@ INTEGRATORS: dict[str, type[Integrator]] = {
         Midpoint,
         Trapezoidal,
         ClassicalRungeKutta,
+        BogackiShampine,
+        DormandPrince,
         SymplecticEuler,
         VelocityVerlet,
         Pefrl,
