@@ -1,12 +1,30 @@
 """The sum of all forces on the particles of a model."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import warp as wp
 
 from ..model import Model
 from ..state import State
+
+
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """The matrix a K + b C at a state, K = −∂f/∂x [N/m], C = −∂f/∂v [N s/m]; known by its products only.
+
+    Attributes:
+        state: positions and velocities at which forces are linearised.
+        stiffness, damping: a and b.
+        world_project: 1 for worlds in which each element's K is made positive semi-definite, else 0; of the model's
+            scalar type, shape [world_count].
+    """
+
+    state: State
+    stiffness: float
+    damping: float
+    world_project: wp.array
 
 
 class ForceTerm(Protocol):
@@ -25,6 +43,18 @@ class ForceTerm(Protocol):
 
     def energy(self, state: State) -> dict[str, float]:
         """Potential energies [J] by name, summed over all worlds; empty for a force without potential."""
+        ...
+
+    def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
+        """Adds (a K + b C) x to ``out``; both vec3, shape [particle_count], not the same array.
+
+        K and C are symmetric; a non-symmetric or minor part may be left out, which slows Newton's method down but does
+        not change what it converges to. A constant force adds nothing.
+        """
+        ...
+
+    def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
+        """Adds the 3×3 diagonal blocks of a K + b C to ``out``, mat33, shape [particle_count]."""
         ...
 
 
@@ -66,6 +96,16 @@ class Forces:
         for term in self.terms:
             if term.name not in without:
                 term.accumulate(state, time_offset)
+
+    def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
+        """Adds (a K + b C) x of all terms to ``out``; both vec3, shape [particle_count], not the same array."""
+        for term in self.terms:
+            term.hessian_product(at, x, out)
+
+    def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
+        """Adds the 3×3 diagonal blocks of a K + b C of all terms to ``out``, mat33, shape [particle_count]."""
+        for term in self.terms:
+            term.hessian_diagonal(at, out)
 
     def energy(self, state: State) -> dict[str, float]:
         """Potential energies [J] by name, gravity's (−Σ m g·x) included, summed over all worlds."""

@@ -5,6 +5,7 @@ import warp as wp
 from .. import validate
 from ..model import Model
 from ..state import State
+from .base import Linearization
 
 ASSEMBLIES = ("scatter", "gather")
 
@@ -31,13 +32,42 @@ class Springs:
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds spring forces [N] to ``state.particle_f``."""
         model = self.model
-        law = [model.spring_indices, model.spring_rest_length, model.spring_stiffness, model.spring_damping]
         kernel, dim = model.kernels.springs.scatter_forces, model.spring_count
+        rows: list[wp.array] = []
         if self.assembly == "gather":
             kernel, dim = model.kernels.springs.gather_forces, model.particle_count
-            law = [model.particle_spring_start, model.particle_spring_ids, *law]
-        inputs = [*law, state.particle_q, state.particle_qd]
+            rows = [model.particle_spring_start, model.particle_spring_ids]
+        inputs = [*rows, *self._law(), state.particle_q, state.particle_qd]
         wp.launch(kernel, dim=dim, inputs=inputs, outputs=[state.particle_f], device=model.device)
+
+    def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
+        """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
+        model = self.model
+        kernel, dim = model.kernels.spring_hessian.scatter_products, model.spring_count
+        rows: list[wp.array] = []
+        if self.assembly == "gather":
+            kernel, dim = model.kernels.spring_hessian.gather_products, model.particle_count
+            rows = [model.particle_spring_start, model.particle_spring_ids]
+        where = [at.world_project, at.state.particle_q, x, at.stiffness, at.damping]
+        inputs = [*rows, model.particle_world, *self._law(), *where]
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=[out], device=model.device)
+
+    def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
+        """Adds the diagonal blocks of a K + b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
+        model = self.model
+        rows = [model.particle_spring_start, model.particle_spring_ids, model.particle_world]
+        where = [at.world_project, at.state.particle_q, at.stiffness, at.damping]
+        wp.launch(
+            model.kernels.spring_hessian.diagonal,
+            dim=model.particle_count,
+            inputs=[*rows, *self._law(), *where],
+            outputs=[out],
+            device=model.device,
+        )
+
+    def _law(self) -> list[wp.array]:
+        model = self.model
+        return [model.spring_indices, model.spring_rest_length, model.spring_stiffness, model.spring_damping]
 
     def energy(self, state: State) -> dict[str, float]:
         """Energy of in-plane ("spring") and bending springs ("bending") [J]."""

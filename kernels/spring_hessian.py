@@ -1,0 +1,113 @@
+"""Stiffness and damping matrices of a spring network, never stored: their products and 3×3 diagonal blocks.
+
+Both come from the law of ``spring_law.py``. The matrix is a K + b C with K = −∂f/∂x of the elastic force and
+C = −∂f/∂v; what changes in the damping force as the spring turns, which is not symmetric, is left out.
+"""
+
+import sys
+
+import warp as wp
+
+from .precision import OPTIONS, mat33, real, vec3
+from .spring_law import spring_damping_matrix, spring_stiffness_matrix
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.func
+def spring_matrix(d: vec3, rest_length: real, k_s: real, k_d: real, project: real, a: real, b: real):
+    """a K + b C of one spring."""
+    k = spring_stiffness_matrix(d, rest_length, k_s, project)
+    c = spring_damping_matrix(d, rest_length, k_d)
+    return mat33(a * k + b * c)
+
+
+@wp.kernel
+def scatter_products(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    spring_indices: wp.array(dtype=wp.vec2i),
+    spring_rest_length: wp.array(dtype=real),
+    spring_stiffness: wp.array(dtype=real),
+    spring_damping: wp.array(dtype=real),
+    # State in
+    world_project: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    x: wp.array(dtype=vec3),
+    a: real,
+    b: real,
+    # Out
+    product_out: wp.array(dtype=vec3),
+):
+    """Adds (a K + b C) x, one thread per spring."""
+    s = wp.tid()
+    ends = spring_indices[s]
+    d = particle_q[ends[1]] - particle_q[ends[0]]
+    project = world_project[particle_world[ends[0]]]
+    k = spring_matrix(d, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
+    y = k * (x[ends[1]] - x[ends[0]])
+    wp.atomic_sub(product_out, ends[0], y)
+    wp.atomic_add(product_out, ends[1], y)
+
+
+@wp.kernel
+def gather_products(
+    # Model
+    particle_spring_start: wp.array(dtype=wp.int32),
+    particle_spring_ids: wp.array(dtype=wp.int32),
+    particle_world: wp.array(dtype=wp.int32),
+    spring_indices: wp.array(dtype=wp.vec2i),
+    spring_rest_length: wp.array(dtype=real),
+    spring_stiffness: wp.array(dtype=real),
+    spring_damping: wp.array(dtype=real),
+    # State in
+    world_project: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    x: wp.array(dtype=vec3),
+    a: real,
+    b: real,
+    # Out
+    product_out: wp.array(dtype=vec3),
+):
+    """Adds (a K + b C) x, one thread per particle, springs in the order of their numbers."""
+    i = wp.tid()
+    project = world_project[particle_world[i]]
+    total = vec3()
+    for j in range(particle_spring_start[i], particle_spring_start[i + 1]):
+        s = particle_spring_ids[j]
+        ends = spring_indices[s]
+        other = ends[0] + ends[1] - i
+        d = particle_q[other] - particle_q[i]
+        k = spring_matrix(d, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
+        total += k * (x[i] - x[other])
+    product_out[i] = product_out[i] + total
+
+
+@wp.kernel
+def diagonal(
+    # Model
+    particle_spring_start: wp.array(dtype=wp.int32),
+    particle_spring_ids: wp.array(dtype=wp.int32),
+    particle_world: wp.array(dtype=wp.int32),
+    spring_indices: wp.array(dtype=wp.vec2i),
+    spring_rest_length: wp.array(dtype=real),
+    spring_stiffness: wp.array(dtype=real),
+    spring_damping: wp.array(dtype=real),
+    # State in
+    world_project: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    a: real,
+    b: real,
+    # Out
+    blocks_out: wp.array(dtype=mat33),
+):
+    """Adds the 3×3 blocks on the diagonal of a K + b C, one thread per particle."""
+    i = wp.tid()
+    project = world_project[particle_world[i]]
+    total = mat33()
+    for j in range(particle_spring_start[i], particle_spring_start[i + 1]):
+        s = particle_spring_ids[j]
+        ends = spring_indices[s]
+        d = particle_q[ends[1]] - particle_q[ends[0]]
+        total += spring_matrix(d, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
+    blocks_out[i] = blocks_out[i] + total
