@@ -10,7 +10,10 @@ from .. import validate
 from ..errors import InputError
 from ..model import Model
 from .base import Integrator
+from .bdf2 import Bdf2
 from .embedded_pairs import BogackiShampine, DormandPrince
+from .implicit import ImplicitEuler, ImplicitMidpoint, ImplicitTrapezoid
+from .linearly_implicit import Imex, LinearImplicitEuler
 from .pbd import Pbd
 from .runge_kutta import ClassicalRungeKutta, ForwardEuler, Midpoint, Trapezoidal
 from .splitting import Pefrl, SymplecticEuler, VelocityVerlet
@@ -28,6 +31,12 @@ INTEGRATORS: dict[str, type[Integrator]] = {
         SymplecticEuler,
         VelocityVerlet,
         Pefrl,
+        Imex,
+        LinearImplicitEuler,
+        ImplicitEuler,
+        ImplicitMidpoint,
+        ImplicitTrapezoid,
+        Bdf2,
         Pbd,
         Xpbd,
     )

@@ -1,0 +1,249 @@
+"""Preconditioned conjugate gradients for A x = −r₀, a system per world, all worlds at once and none coupled to another.
+
+A = M + a K + b C is known by its products; the preconditioner is the inverse of its 3×3 diagonal blocks. Sums run in
+float64 over *lanes*, short ranges of particles of one world, and then over the lanes of a world, always in the same
+order: the result is bitwise repeatable on every device and does not depend on the other worlds.
+"""
+
+import sys
+
+import warp as wp
+
+from .precision import OPTIONS, mat33, real, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.struct
+class Lanes:
+    """Lane l owns particles ``particle_start[l]`` to ``particle_start[l + 1]``, all of world ``world[l]``; world w owns
+    lanes ``lane_start[w]`` to ``lane_start[w + 1]``."""
+
+    particle_start: wp.array(dtype=wp.int32)
+    world: wp.array(dtype=wp.int32)
+    lane_start: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Solves:
+    """State of the solve of each world, and ``remaining``, the number of worlds still at work."""
+
+    active: wp.array(dtype=wp.int32)
+    iterations: wp.array(dtype=wp.int32)
+    indefinite: wp.array(dtype=wp.int32)
+    rz: wp.array(dtype=wp.float64)
+    alpha: wp.array(dtype=wp.float64)
+    beta: wp.array(dtype=wp.float64)
+    decrease: wp.array(dtype=wp.float64)
+    remaining: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def world_sum(lanes: Lanes, w: wp.int32, partial: wp.array(dtype=wp.float64)):
+    """Sum of the lanes of a world, in order."""
+    total = wp.float64(0.0)
+    for lane in range(lanes.lane_start[w], lanes.lane_start[w + 1]):
+        total += partial[lane]
+    return total
+
+
+@wp.kernel
+def invert_blocks(
+    # Model
+    particle_mass: wp.array(dtype=real),
+    particle_inv_mass: wp.array(dtype=real),
+    # Out
+    blocks_out: wp.array(dtype=mat33),
+):
+    """(m I + block)⁻¹ in place; 0 for pinned particles, which keeps them out of the solve."""
+    i = wp.tid()
+    block = particle_mass[i] * wp.identity(n=3, dtype=real) + blocks_out[i]
+    if particle_inv_mass[i] > real(0.0):
+        blocks_out[i] = wp.inverse(block)
+    else:
+        blocks_out[i] = mat33()
+
+
+@wp.kernel
+def begin(
+    # Model
+    lanes: Lanes,
+    particle_mass: wp.array(dtype=real),
+    # State in
+    world_active: wp.array(dtype=wp.int32),
+    residual: wp.array(dtype=vec3),
+    preconditioner: wp.array(dtype=mat33),
+    # Out
+    x_out: wp.array(dtype=vec3),
+    r_out: wp.array(dtype=vec3),
+    p_out: wp.array(dtype=vec3),
+    ap_out: wp.array(dtype=vec3),
+    partial_out: wp.array(dtype=wp.float64),
+):
+    """x = 0, r = −residual, p = P r, A p started with M p, r·p summed. Nothing to do in worlds that are not active."""
+    lane = wp.tid()
+    rz = wp.float64(0.0)
+    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+        r = -residual[i]
+        p = preconditioner[i] * r
+        if world_active[lanes.world[lane]] == 0:
+            p = vec3()
+        x_out[i] = vec3()
+        r_out[i] = r
+        p_out[i] = p
+        ap_out[i] = particle_mass[i] * p
+        rz += wp.float64(wp.dot(r, p))
+    partial_out[lane] = rz
+
+
+@wp.kernel
+def begin_worlds(
+    # Model
+    lanes: Lanes,
+    # State in
+    partial: wp.array(dtype=wp.float64),
+    # Out
+    solves_out: Solves,
+):
+    """Worlds with something to solve become active; ``remaining`` must be 0 before."""
+    w = wp.tid()
+    rz = world_sum(lanes, w, partial)
+    solves_out.rz[w] = rz
+    solves_out.iterations[w] = 0
+    solves_out.indefinite[w] = 0
+    solves_out.decrease[w] = wp.float64(0.0)
+    solves_out.active[w] = 0
+    if rz > wp.float64(0.0):
+        solves_out.active[w] = 1
+        wp.atomic_add(solves_out.remaining, 0, 1)
+
+
+@wp.kernel
+def curvature(
+    # Model
+    lanes: Lanes,
+    # State in
+    p: wp.array(dtype=vec3),
+    ap: wp.array(dtype=vec3),
+    # Out
+    partial_out: wp.array(dtype=wp.float64),
+):
+    """p·A p of each lane."""
+    lane = wp.tid()
+    total = wp.float64(0.0)
+    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+        total += wp.float64(wp.dot(p[i], ap[i]))
+    partial_out[lane] = total
+
+
+@wp.kernel
+def step_length(
+    # Model
+    lanes: Lanes,
+    # State in
+    partial: wp.array(dtype=wp.float64),
+    # Out
+    solves_out: Solves,
+):
+    """α = r·z / p·A p. Where p·A p ≤ 0 the matrix is indefinite: the solve ends with what it has (Steihaug 1983), in a
+    first iteration with the preconditioned residual itself."""
+    w = wp.tid()
+    if solves_out.active[w] == 0:
+        return
+    pap = world_sum(lanes, w, partial)
+    alpha = wp.float64(0.0)
+    if pap > wp.float64(0.0):
+        alpha = solves_out.rz[w] / pap
+    else:
+        solves_out.indefinite[w] = 1
+        if solves_out.iterations[w] == 0:
+            alpha = wp.float64(1.0)
+    solves_out.alpha[w] = alpha
+
+
+@wp.kernel
+def advance(
+    # Model
+    lanes: Lanes,
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    solves: Solves,
+    preconditioner: wp.array(dtype=mat33),
+    p: wp.array(dtype=vec3),
+    ap: wp.array(dtype=vec3),
+    # Out
+    x_out: wp.array(dtype=vec3),
+    r_out: wp.array(dtype=vec3),
+    partial_out: wp.array(dtype=wp.float64),
+):
+    """x += α p, r −= α A p, and the new r·P r."""
+    lane = wp.tid()
+    w = lanes.world[lane]
+    if solves.active[w] == 0:
+        return
+    alpha = real(solves.alpha[w])
+    rz = wp.float64(0.0)
+    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+        if particle_inv_mass[i] > real(0.0):
+            r = r_out[i] - alpha * ap[i]
+            x_out[i] = x_out[i] + alpha * p[i]
+            r_out[i] = r
+            rz += wp.float64(wp.dot(r, preconditioner[i] * r))
+    partial_out[lane] = rz
+
+
+@wp.kernel
+def judge(
+    # Model
+    lanes: Lanes,
+    # State in
+    partial: wp.array(dtype=wp.float64),
+    tolerance: wp.float64,
+    max_iterations: wp.int32,
+    # Out
+    solves_out: Solves,
+):
+    """β, and whether to go on.
+
+    The iteration k that lowers the quadratic model by α r·z, out of ``decrease`` so far, is the last one when
+    k α r·z ≤ tolerance² decrease (Nash and Sofer 1990): the error in the energy norm, unlike the residual, falls
+    steadily, and smooth modes, whose residual is small, count in it.
+    """
+    w = wp.tid()
+    if solves_out.active[w] == 0:
+        return
+    gain = solves_out.alpha[w] * solves_out.rz[w]
+    rz = world_sum(lanes, w, partial)
+    k = solves_out.iterations[w] + 1
+    decrease = solves_out.decrease[w] + gain
+    solves_out.beta[w] = rz / solves_out.rz[w]
+    solves_out.rz[w] = rz
+    solves_out.iterations[w] = k
+    solves_out.decrease[w] = decrease
+    small = wp.float64(k) * gain <= tolerance * tolerance * decrease
+    if small or solves_out.indefinite[w] == 1 or k >= max_iterations or not rz > wp.float64(0.0):
+        solves_out.active[w] = 0
+        wp.atomic_sub(solves_out.remaining, 0, 1)
+
+
+@wp.kernel
+def turn(
+    # Model
+    particle_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    solves: Solves,
+    preconditioner: wp.array(dtype=mat33),
+    r: wp.array(dtype=vec3),
+    # Out
+    p_out: wp.array(dtype=vec3),
+    ap_out: wp.array(dtype=vec3),
+):
+    """p = P r + β p, and A p started with M p; nothing moves in worlds that are done."""
+    i = wp.tid()
+    w = particle_world[i]
+    p = vec3()
+    if solves.active[w] == 1:
+        p = preconditioner[i] * r[i] + real(solves.beta[w]) * p_out[i]
+    p_out[i] = p
+    ap_out[i] = particle_mass[i] * p

@@ -1,0 +1,193 @@
+"""What differs between implicit schemes: where their stage starts from, how the step ends, what they remember."""
+
+import sys
+
+import warp as wp
+
+from .conjugate_gradient import Solves
+from .precision import OPTIONS, real, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.kernel
+def stage_base(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    particle_f: wp.array(dtype=vec3),
+    past_q: wp.array(dtype=vec3),
+    past_qd: wp.array(dtype=vec3),
+    dt: real,
+    at_start: real,
+    past: real,
+    # Out
+    position_base_out: wp.array(dtype=vec3),
+    velocity_base_out: wp.array(dtype=vec3),
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """x̄ = x + s dt v + p (x − x₋₁), v̄ = v + s dt f/m + p (v − v₋₁); the guess is the state itself."""
+    i = wp.tid()
+    x = particle_q[i]
+    v = particle_qd[i]
+    position_base_out[i] = x + at_start * dt * v + past * (x - past_q[i])
+    velocity_base_out[i] = v + at_start * dt * particle_inv_mass[i] * particle_f[i] + past * (v - past_qd[i])
+    particle_q_out[i] = x
+    particle_qd_out[i] = v
+
+
+@wp.kernel
+def extrapolate(
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    beyond: real,
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """From the stage to the end of the step, in place: on by ``beyond`` times the way from the start to the stage."""
+    i = wp.tid()
+    particle_q_out[i] = particle_q_out[i] + beyond * (particle_q_out[i] - particle_q[i])
+    particle_qd_out[i] = particle_qd_out[i] + beyond * (particle_qd_out[i] - particle_qd[i])
+
+
+@wp.kernel
+def recall(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    particle_f: wp.array(dtype=vec3),
+    end_q: wp.array(dtype=vec3),
+    end_qd: wp.array(dtype=vec3),
+    past_dt: wp.array(dtype=wp.float64),
+    dt: wp.float64,
+    # Out
+    past_q_out: wp.array(dtype=vec3),
+    past_qd_out: wp.array(dtype=vec3),
+):
+    """The state dt ago, as a two-step scheme needs it.
+
+    What changed the state since the last step ended (contact, the user) did so at once, so the past is moved along: it
+    becomes the past of the motion that continues from here. Without a past dt ago, one with constant velocity for
+    positions and constant acceleration for velocities makes BDF2's first step the θ-scheme with θ = 2/3: stable, and
+    wrong by O(dt²), which keeps the order.
+    """
+    i = wp.tid()
+    h = real(dt)
+    if past_dt[0] == dt:
+        jump = particle_qd[i] - end_qd[i]
+        past_q_out[i] = past_q_out[i] + (particle_q[i] - end_q[i]) - h * jump
+        past_qd_out[i] = past_qd_out[i] + jump
+    else:
+        past_q_out[i] = particle_q[i] - h * particle_qd[i]
+        past_qd_out[i] = particle_qd[i] - h * particle_inv_mass[i] * particle_f[i]
+
+
+@wp.kernel
+def remember(
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    later_q: wp.array(dtype=vec3),
+    later_qd: wp.array(dtype=vec3),
+    dt: wp.float64,
+    # Out
+    past_q_out: wp.array(dtype=vec3),
+    past_qd_out: wp.array(dtype=vec3),
+    end_q_out: wp.array(dtype=vec3),
+    end_qd_out: wp.array(dtype=vec3),
+    past_dt_out: wp.array(dtype=wp.float64),
+):
+    """Keeps the start and the end of the step for the next one."""
+    i = wp.tid()
+    past_q_out[i] = particle_q[i]
+    past_qd_out[i] = particle_qd[i]
+    end_q_out[i] = later_q[i]
+    end_qd_out[i] = later_qd[i]
+    if i == 0:
+        past_dt_out[0] = dt
+
+
+@wp.kernel
+def pin_changes(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    later_q: wp.array(dtype=vec3),
+    later_qd: wp.array(dtype=vec3),
+    dt: real,
+    # Out
+    velocity_out: wp.array(dtype=vec3),
+    change_out: wp.array(dtype=vec3),
+):
+    """Known part of the velocities over a step: v of free particles, the mean of driven ones; known changes of v."""
+    i = wp.tid()
+    if particle_inv_mass[i] > real(0.0):
+        velocity_out[i] = particle_qd[i]
+        change_out[i] = vec3()
+    else:
+        velocity_out[i] = (later_q[i] - particle_q[i]) / dt
+        change_out[i] = later_qd[i] - particle_qd[i]
+
+
+@wp.kernel
+def linear_residual(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    particle_f: wp.array(dtype=vec3),
+    dt: real,
+    # Out
+    residual_out: wp.array(dtype=vec3),
+):
+    """Completes −dt f + dt² K v + dt C Δv, whose products are there already; 0 for pinned particles."""
+    i = wp.tid()
+    if particle_inv_mass[i] > real(0.0):
+        residual_out[i] = residual_out[i] - dt * particle_f[i]
+    else:
+        residual_out[i] = vec3()
+
+
+@wp.kernel
+def apply_change(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    change: wp.array(dtype=vec3),
+    dt: real,
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """v ← v + Δv, x ← x + dt v with the new v, for free particles."""
+    i = wp.tid()
+    if particle_inv_mass[i] > real(0.0):
+        v = particle_qd[i] + change[i]
+        particle_qd_out[i] = v
+        particle_q_out[i] = particle_q[i] + dt * v
+
+
+@wp.kernel
+def count_solves(
+    # State in
+    solves: Solves,
+    max_iterations: wp.int32,
+    # Out
+    total_out: wp.array(dtype=wp.int64),
+    failures_out: wp.array(dtype=wp.int32),
+):
+    """Adds up the iterations of linear solves, and those that ended before they were accurate."""
+    w = wp.tid()
+    total_out[w] = total_out[w] + wp.int64(solves.iterations[w])
+    if solves.iterations[w] >= max_iterations:
+        failures_out[w] = failures_out[w] + 1

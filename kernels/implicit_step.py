@@ -1,0 +1,227 @@
+"""One implicit stage by Newton's method: M (v − v̄) = γ f(x̄ + γ v, v) for the velocity v, a problem per world.
+
+Every implicit scheme here is such a stage with its own x̄, v̄, γ. Lanes and solves: see ``conjugate_gradient.py``.
+"""
+
+import sys
+
+import warp as wp
+
+from .conjugate_gradient import Lanes, Solves, world_sum
+from .precision import OPTIONS, real, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.struct
+class Worlds:
+    """Newton's method in each world: is it still at work, its iterations, the latest update (root mean square [m/s])
+    with its step length and projection; totals over all steps; and how many worlds are at work or searching."""
+
+    active: wp.array(dtype=wp.int32)
+    searching: wp.array(dtype=wp.int32)
+    iterations: wp.array(dtype=wp.int32)
+    cg_iterations: wp.array(dtype=wp.int32)
+    update: wp.array(dtype=wp.float64)
+    step: wp.array(dtype=wp.float64)
+    project: wp.array(dtype=real)
+    mass: wp.array(dtype=wp.float64)
+    converged: wp.array(dtype=wp.int32)
+    newton_total: wp.array(dtype=wp.int64)
+    cg_total: wp.array(dtype=wp.int64)
+    failures: wp.array(dtype=wp.int32)
+    at_work: wp.array(dtype=wp.int32)
+    at_search: wp.array(dtype=wp.int32)
+
+
+@wp.kernel
+def start_worlds(
+    # Out
+    worlds_out: Worlds,
+):
+    """All worlds at work; ``at_work`` must be 0 before."""
+    w = wp.tid()
+    worlds_out.active[w] = 1
+    worlds_out.searching[w] = 0
+    worlds_out.iterations[w] = 0
+    worlds_out.cg_iterations[w] = 0
+    worlds_out.converged[w] = 0
+    worlds_out.project[w] = real(0.0)
+    wp.atomic_add(worlds_out.at_work, 0, 1)
+
+
+@wp.kernel
+def place(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    position_base: wp.array(dtype=vec3),
+    gamma: real,
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """x = x̄ + γ v of free particles; pinned ones keep their place and stand still until they are driven."""
+    i = wp.tid()
+    if particle_inv_mass[i] > real(0.0):
+        particle_q_out[i] = position_base[i] + gamma * particle_qd_out[i]
+    else:
+        particle_qd_out[i] = vec3()
+
+
+@wp.kernel
+def residual(
+    # Model
+    lanes: Lanes,
+    particle_mass: wp.array(dtype=real),
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    velocity_base: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    particle_f: wp.array(dtype=vec3),
+    direction: wp.array(dtype=vec3),
+    gamma: real,
+    # Out
+    residual_out: wp.array(dtype=vec3),
+    partial_out: wp.array(dtype=wp.float64),
+):
+    """R = M (v − v̄) − γ f, 0 for pinned particles, and R·direction of each lane."""
+    lane = wp.tid()
+    slope = wp.float64(0.0)
+    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+        r = vec3()
+        if particle_inv_mass[i] > real(0.0):
+            r = particle_mass[i] * (particle_qd[i] - velocity_base[i]) - gamma * particle_f[i]
+        residual_out[i] = r
+        slope += wp.float64(wp.dot(r, direction[i]))
+    partial_out[lane] = slope
+
+
+@wp.kernel
+def start_search(
+    # Model
+    lanes: Lanes,
+    particle_mass: wp.array(dtype=real),
+    # State in
+    particle_qd: wp.array(dtype=vec3),
+    direction: wp.array(dtype=vec3),
+    # Out
+    start_out: wp.array(dtype=vec3),
+    partial_out: wp.array(dtype=wp.float64),
+):
+    """Keeps the velocities from which the line search starts, and sums m |direction|²."""
+    lane = wp.tid()
+    total = wp.float64(0.0)
+    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+        start_out[i] = particle_qd[i]
+        total += wp.float64(particle_mass[i] * wp.dot(direction[i], direction[i]))
+    partial_out[lane] = total
+
+
+@wp.kernel
+def start_search_worlds(
+    # Model
+    lanes: Lanes,
+    # State in
+    partial: wp.array(dtype=wp.float64),
+    solves: Solves,
+    # Out
+    worlds_out: Worlds,
+):
+    """Worlds at work try the full step first; ``at_search`` must be 0 before."""
+    w = wp.tid()
+    worlds_out.searching[w] = worlds_out.active[w]
+    if worlds_out.active[w] == 0:
+        return
+    worlds_out.cg_iterations[w] = worlds_out.cg_iterations[w] + solves.iterations[w]
+    worlds_out.update[w] = wp.sqrt(world_sum(lanes, w, partial) / worlds_out.mass[w])
+    worlds_out.step[w] = wp.float64(1.0)
+    wp.atomic_add(worlds_out.at_search, 0, 1)
+
+
+@wp.kernel
+def attempt(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    worlds: Worlds,
+    position_base: wp.array(dtype=vec3),
+    start: wp.array(dtype=vec3),
+    direction: wp.array(dtype=vec3),
+    gamma: real,
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """Velocities at the present step length, and their positions."""
+    i = wp.tid()
+    w = particle_world[i]
+    if worlds.active[w] == 1 and particle_inv_mass[i] > real(0.0):
+        v = start[i] + real(worlds.step[w]) * direction[i]
+        particle_qd_out[i] = v
+        particle_q_out[i] = position_base[i] + gamma * v
+
+
+@wp.kernel
+def judge_step(
+    # Model
+    lanes: Lanes,
+    # State in
+    partial: wp.array(dtype=wp.float64),
+    solves: Solves,
+    tolerance: wp.float64,
+    overshoot: wp.float64,
+    shortest: wp.float64,
+    # Out
+    worlds_out: Worlds,
+):
+    """Shortens steps that overshoot: R·Δ, the slope of the energy along Δ, is −d at first, d the solve's decrease.
+
+    A step is taken when its slope is at most ``overshoot`` d; else the zero of the linear slope is tried. With damping
+    there is no energy, but the slope is still what must vanish. A step below ``shortest`` is taken as it is, and so is
+    an update within the ``tolerance``, whose slope is rounding.
+    """
+    w = wp.tid()
+    if worlds_out.searching[w] == 0:
+        return
+    slope = world_sum(lanes, w, partial)
+    first = solves.decrease[w]
+    step = worlds_out.step[w]
+    matters = worlds_out.update[w] > tolerance
+    if matters and slope > overshoot * first and step > shortest:
+        worlds_out.step[w] = step * wp.clamp(first / (first + slope), wp.float64(0.1), wp.float64(0.5))
+    else:
+        worlds_out.searching[w] = 0
+        wp.atomic_sub(worlds_out.at_search, 0, 1)
+
+
+@wp.kernel
+def judge_worlds(
+    # State in
+    solves: Solves,
+    tolerance: wp.float64,
+    max_iterations: wp.int32,
+    # Out
+    worlds_out: Worlds,
+):
+    """A world is done when a full step of a definite system changed its velocities by no more than the tolerance."""
+    w = wp.tid()
+    if worlds_out.active[w] == 0:
+        return
+    k = worlds_out.iterations[w] + 1
+    worlds_out.iterations[w] = k
+    whole = worlds_out.step[w] == wp.float64(1.0) and solves.indefinite[w] == 0
+    done = whole and worlds_out.update[w] <= tolerance
+    if solves.indefinite[w] == 1:
+        worlds_out.project[w] = real(1.0)
+    if not done and k < max_iterations:
+        return
+    worlds_out.active[w] = 0
+    wp.atomic_sub(worlds_out.at_work, 0, 1)
+    worlds_out.newton_total[w] = worlds_out.newton_total[w] + wp.int64(k)
+    worlds_out.cg_total[w] = worlds_out.cg_total[w] + wp.int64(worlds_out.cg_iterations[w])
+    if done:
+        worlds_out.converged[w] = 1
+    else:
+        worlds_out.failures[w] = worlds_out.failures[w] + 1

@@ -1,0 +1,98 @@
+"""Conjugate gradients on the device; the method is described in ``kernels/conjugate_gradient.py``."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..forces import Forces, Linearization
+from ..model import Model
+from .device_loop import repeat_while
+
+GPU_LANE = 32  # particles per lane: short enough that a GPU has enough lanes, long enough that few are left to sum
+
+
+class ConjugateGradient:
+    """Solves (M + a K + b C) x = −residual for the free particles of all worlds, each on its own.
+
+    Preconditioned by the inverse 3×3 diagonal blocks (of the projected matrix, so that they are definite).
+
+    Args:
+        model: the model.
+        tolerance: where to stop, as an error of x relative to x in the energy norm (estimated).
+        max_iterations: where to stop anyway.
+
+    Attributes:
+        x: the solution, vec3, shape [particle_count]; 0 for pinned particles.
+        solves: per world: iterations, decrease of the quadratic model, whether the matrix was found indefinite.
+        partial: scratch for sums, float64, one per lane.
+        lanes, lane_count: how particles are divided for sums.
+    """
+
+    def __init__(self, model: Model, tolerance: float, max_iterations: int):
+        self.model, self.tolerance, self.max_iterations = model, tolerance, max_iterations
+        self.kernels = model.kernels.conjugate_gradient
+        self.lanes, self.lane_count = _make_lanes(model)
+        self.partial = wp.zeros(self.lane_count, dtype=wp.float64, device=model.device)
+        self.x, self._r, self._p, self._ap = (wp.zeros_like(model.particle_q) for _ in range(4))
+        self._blocks = wp.zeros(model.particle_count, dtype=model.kernels.precision.mat33, device=model.device)
+        self._projected = model.array(np.ones(model.world_count), model.real)
+        self.solves = self.kernels.Solves()
+        for name in ("active", "iterations", "indefinite"):
+            setattr(self.solves, name, wp.zeros(model.world_count, dtype=wp.int32, device=model.device))
+        for name in ("rz", "alpha", "beta", "decrease"):
+            setattr(self.solves, name, wp.zeros(model.world_count, dtype=wp.float64, device=model.device))
+        self.solves.remaining = wp.zeros(1, dtype=wp.int32, device=model.device)
+
+    def solve(self, forces: Forces, at: Linearization, world_active: wp.array, residual: wp.array) -> None:
+        """Leaves the solution in ``x``, and 0 in worlds where ``world_active`` (int32, shape [world_count]) is 0."""
+        model = self.model
+        self._factor(forces, at)
+        state = [world_active, residual, self._blocks]
+        vectors = [self.x, self._r, self._p, self._ap, self.partial]
+        self._launch("begin", self.lane_count, [self.lanes, model.particle_mass, *state], vectors)
+        self.solves.remaining.zero_()
+        self._launch("begin_worlds", model.world_count, [self.lanes, self.partial], [self.solves])
+        repeat_while(self.solves.remaining, lambda: self._iterate(forces, at), self.max_iterations)
+
+    def _factor(self, forces: Forces, at: Linearization) -> None:
+        model = self.model
+        self._blocks.zero_()
+        projected = Linearization(at.state, at.stiffness, at.damping, self._projected)
+        forces.hessian_diagonal(projected, self._blocks)
+        masses = [model.particle_mass, model.particle_inv_mass]
+        self._launch("invert_blocks", model.particle_count, masses, [self._blocks])
+
+    def _iterate(self, forces: Forces, at: Linearization) -> None:
+        model, lanes, solves = self.model, self.lanes, self.solves
+        forces.hessian_product(at, self._p, self._ap)
+        self._launch("curvature", self.lane_count, [lanes, self._p, self._ap], [self.partial])
+        self._launch("step_length", model.world_count, [lanes, self.partial], [solves])
+        self._launch(
+            "advance",
+            self.lane_count,
+            [lanes, model.particle_inv_mass, solves, self._blocks, self._p, self._ap],
+            [self.x, self._r, self.partial],
+        )
+        limits = [self.tolerance, self.max_iterations]
+        self._launch("judge", model.world_count, [lanes, self.partial, *limits], [solves])
+        inputs = [model.particle_mass, model.particle_world, solves, self._blocks, self._r]
+        self._launch("turn", model.particle_count, inputs, [self._p, self._ap])
+
+    def _launch(self, kernel: str, dim: int, inputs: list, outputs: list) -> None:
+        wp.launch(getattr(self.kernels, kernel), dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
+
+
+def _make_lanes(model: Model) -> tuple[Any, int]:
+    """Ranges of particles that never cross from one world to the next: all of a world on the CPU, which runs them in
+    order anyway, short ones on a GPU."""
+    world_start = np.searchsorted(model.particle_world.numpy(), np.arange(model.world_count + 1))
+    length = model.particle_count if model.device.is_cpu else GPU_LANE
+    starts = [np.arange(a, b, length) for a, b in itertools.pairwise(world_start)]
+    counts = [len(s) for s in starts]
+    lanes = model.kernels.conjugate_gradient.Lanes()
+    lanes.particle_start = model.array(np.concatenate([*starts, [model.particle_count]]), wp.int32)
+    lanes.world = model.array(np.repeat(np.arange(model.world_count), counts), wp.int32)
+    lanes.lane_start = model.array(np.concatenate([[0], np.cumsum(counts)]), wp.int32)
+    return lanes, int(sum(counts))

@@ -1,0 +1,141 @@
+"""Implicit schemes of one stage: implicit Euler, the implicit midpoint and trapezoidal rules.
+
+Each step solves M (v − v̄) = γ f(x̄ + γ v, v) once; the schemes differ in a handful of numbers.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import warp as wp
+
+from ..forces import Forces
+from ..kinematics import drive_pins
+from ..model import Model
+from ..state import State
+from .base import Integrator
+from .newton import Newton
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The stage of a scheme; everything in units of the step.
+
+    Attributes:
+        gamma: γ, weight of the forces and velocities at the stage.
+        time: when the stage is, which is where moving pins and forces are evaluated.
+        at_start: weight of the forces and velocities at the start of the step.
+        past: weight of the change over the step before.
+        beyond: how far the end of the step lies beyond the stage, in ways from the start to the stage.
+    """
+
+    gamma: float
+    time: float = 1.0
+    at_start: float = 0.0
+    past: float = 0.0
+    beyond: float = 0.0
+
+
+class ImplicitScheme(Integrator):
+    """Solves one :class:`Stage` a step by Newton's method; damping is implicit like everything else.
+
+    Args:
+        model: the model.
+        tolerance, max_iterations, cg_tolerance, cg_iterations: see :class:`~warpcloth.integrators.newton.Newton`.
+
+    Raises:
+        InputError: an option is out of range.
+    """
+
+    implicit = True
+    symplectic = False
+    capturable = True
+    stage: ClassVar[Stage]
+
+    def __init__(
+        self,
+        model: Model,
+        *,
+        tolerance: float | None = None,
+        max_iterations: int = 50,
+        cg_tolerance: float | None = None,
+        cg_iterations: int = 1000,
+    ):
+        self.newton = Newton(model, tolerance, max_iterations, cg_tolerance, cg_iterations)
+
+    def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
+        """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
+        if self.stage.at_start != 0.0 or self.stage.past != 0.0:
+            forces.evaluate(state_in)
+        self._start(model, state_in, state_out, state_in, dt)
+        self.newton.solve(state_out, forces, self.stage.gamma * dt, self.stage.time * dt)
+        if self.stage.beyond != 0.0:
+            self._finish(model, state_in, state_out, dt)
+
+    def metrics(self) -> dict[str, Any]:
+        """See :meth:`~warpcloth.integrators.newton.Newton.metrics`."""
+        return self.newton.metrics()
+
+    @classmethod
+    def stable_step(cls, omega: float, gamma: float) -> float:
+        """Stable at any step."""
+        return math.inf
+
+    def _start(self, model: Model, state_in: State, state_out: State, past: State, dt: float) -> None:
+        wp.launch(
+            model.kernels.implicit_schemes.stage_base,
+            dim=model.particle_count,
+            inputs=[
+                model.particle_inv_mass, state_in.particle_q, state_in.particle_qd, state_in.particle_f,
+                past.particle_q, past.particle_qd, dt, self.stage.at_start, self.stage.past,
+            ],
+            outputs=[
+                self.newton.position_base, self.newton.velocity_base, state_out.particle_q, state_out.particle_qd,
+            ],
+            device=model.device,
+        )  # fmt: skip
+
+    def _finish(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
+        wp.launch(
+            model.kernels.implicit_schemes.extrapolate,
+            dim=model.particle_count,
+            inputs=[state_in.particle_q, state_in.particle_qd, self.stage.beyond],
+            outputs=[state_out.particle_q, state_out.particle_qd],
+            device=model.device,
+        )
+        drive_pins(model, state_in.world_time, dt, state_out.particle_q, state_out.particle_qd)
+
+
+class ImplicitEuler(ImplicitScheme):
+    """v ← v + dt a(x′, v′), x ← x + dt v′, with x′ and v′ at the end of the step."""
+
+    name = "implicit_euler"
+    order = 1
+    stage = Stage(gamma=1.0)
+    reference = "Hairer, Wanner, Solving Ordinary Differential Equations II (1996), IV.3"
+    cost = "a few Newton iterations, each of tens to hundreds of matrix products"
+    use = "stiff cloth at frame-sized steps; damps motion, the more the larger the step, so drapes settle fast"
+
+
+class ImplicitMidpoint(ImplicitScheme):
+    """Implicit Euler to the middle of the step, and on by as much again."""
+
+    name = "implicit_midpoint"
+    order = 2
+    symplectic = True
+    conserves_angular_momentum = True
+    stage = Stage(gamma=0.5, time=0.5, beyond=1.0)
+    reference = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), II.1.2"
+    cost = "a few Newton iterations, each of tens to hundreds of matrix products"
+    use = "motion without numerical damping: momenta kept, energy bounded; rings when stiff modes are excited"
+
+
+class ImplicitTrapezoid(ImplicitScheme):
+    """Mean of the accelerations, and of the velocities, at both ends; Newmark's scheme with β = 1/4, γ = 1/2."""
+
+    name = "implicit_trapezoid"
+    order = 2
+    stage = Stage(gamma=0.5, at_start=0.5)
+    reference = "Newmark, A Method of Computation for Structural Dynamics, J. Eng. Mech. Div. ASCE 85 (1959)"
+    cost = "a few Newton iterations, each of tens to hundreds of matrix products"
+    use = "structural dynamics' standard; like the midpoint rule, and forces balance exactly at the ends of steps"

@@ -1,0 +1,160 @@
+"""Newton's method for one implicit stage, on the device; the kernels are in ``kernels/implicit_step.py``."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from .. import validate
+from ..forces import Forces, Linearization
+from ..kinematics import drive_pins
+from ..model import Model
+from ..state import State
+from .conjugate_gradient import ConjugateGradient
+from .device_loop import repeat_while
+
+OVERSHOOT = 0.5  # slope after a step, relative to the slope before it, above which the step is shortened
+SHORTEST_STEP = 1e-3
+MAX_SEARCH = 16
+ROUNDING = 8.0  # positions that are off by so many units in the last place cannot be told from converged ones
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """One stage: where it is solved, of which forces, γ [s], when [s after the start], how accurately [m/s]."""
+
+    state: State
+    forces: Forces
+    gamma: float
+    time: float
+    tolerance: float
+    matrix: Linearization
+
+
+class Newton:
+    """Solves M (v − v̄) = γ f(x̄ + γ v, v) for v, in each world until the velocities change by no more than a tolerance.
+
+    Linear systems are solved by conjugate gradients, to a fraction of the update only; what is left comes off in the
+    next iteration. Steps are shortened where they overshoot. A world in which the matrix is found indefinite
+    (compressed springs) continues with the projected one, at the price of linear instead of quadratic convergence.
+
+    Args:
+        model: the model.
+        tolerance: root mean square of the last velocity update [m/s], weighted by mass; None is 1e-10 in float64 and
+            1e-4 in float32. What the rounding of positions allows, about 1e-6 of their size per γ, is its lower limit.
+        max_iterations: Newton iterations after which a world gives up, which :meth:`metrics` reports.
+        cg_tolerance: error of each linear solve relative to its solution; None is 1e-3 in float64, 1e-2 in float32.
+        cg_iterations: conjugate gradient iterations after which a linear solve ends.
+
+    Raises:
+        InputError: an option is out of range.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        tolerance: float | None = None,
+        max_iterations: int = 50,
+        cg_tolerance: float | None = None,
+        cg_iterations: int = 1000,
+    ):
+        double = model.precision == "float64"
+        tolerance = (1e-10 if double else 1e-4) if tolerance is None else tolerance
+        cg_tolerance = (1e-3 if double else 1e-2) if cg_tolerance is None else cg_tolerance
+        self.model = model
+        self.tolerance = validate.number(tolerance, "tolerance", above=0.0)
+        self.max_iterations = validate.integer(max_iterations, "max_iterations", minimum=1, maximum=10_000)
+        self.cg = ConjugateGradient(
+            model,
+            validate.number(cg_tolerance, "cg_tolerance", above=0.0, maximum=1.0),
+            validate.integer(cg_iterations, "cg_iterations", minimum=1, maximum=1_000_000),
+        )
+        self.kernels = model.kernels.implicit_step
+        self.worlds = _make_worlds(model, self.kernels)
+        self.position_base, self.velocity_base, self._start, self._residual = (
+            wp.zeros_like(model.particle_q) for _ in range(4)
+        )
+        reach = float(np.abs(model.particle_q.numpy()).max(initial=0.0))
+        self._rounding = ROUNDING * reach * float(np.finfo(np.float64 if double else np.float32).eps)
+
+    def solve(self, stage: State, forces: Forces, gamma: float, time_offset: float) -> None:
+        """From the guess in ``stage`` to the solution there, γ in [s]; positions of pinned particles are kept.
+
+        x̄ and v̄ are in ``position_base`` and ``velocity_base``; moving pins go to their place at ``time_offset`` [s].
+        """
+        model, worlds = self.model, self.worlds
+        worlds.at_work.zero_()
+        self._launch("start_worlds", model.world_count, [], [worlds])
+        place = [model.particle_inv_mass, self.position_base, gamma]
+        self._launch("place", model.particle_count, place, [stage.particle_q, stage.particle_qd])
+        drive_pins(model, stage.world_time, time_offset, stage.particle_q, stage.particle_qd)
+        matrix = Linearization(stage, gamma * gamma, gamma, worlds.project)
+        tolerance = max(self.tolerance, self._rounding / gamma)
+        problem = _Problem(stage, forces, gamma, time_offset, tolerance, matrix)
+        self._evaluate(problem)
+        repeat_while(worlds.at_work, lambda: self._iterate(problem), self.max_iterations)
+
+    def metrics(self) -> dict[str, Any]:
+        """Of the latest step, the worst world: ``newton_iterations``, ``cg_iterations``, ``residual`` (the last update
+        [m/s]), ``converged``. Since the start, of the worst world: totals, and ``unconverged_steps``."""
+        worlds = self.worlds
+        return {
+            "newton_iterations": int(worlds.iterations.numpy().max()),
+            "cg_iterations": int(worlds.cg_iterations.numpy().max()),
+            "residual": float(worlds.update.numpy().max()),
+            "converged": bool(worlds.converged.numpy().all()),
+            "newton_iterations_total": int(worlds.newton_total.numpy().max()),
+            "cg_iterations_total": int(worlds.cg_total.numpy().max()),
+            "unconverged_steps": int(worlds.failures.numpy().max()),
+        }
+
+    def _iterate(self, problem: _Problem) -> None:
+        model, cg, worlds = self.model, self.cg, self.worlds
+        cg.solve(problem.forces, problem.matrix, worlds.active, self._residual)
+        inputs = [cg.lanes, model.particle_mass, problem.state.particle_qd, cg.x]
+        self._launch("start_search", cg.lane_count, inputs, [self._start, cg.partial])
+        worlds.at_search.zero_()
+        self._launch("start_search_worlds", model.world_count, [cg.lanes, cg.partial, cg.solves], [worlds])
+        repeat_while(worlds.at_search, lambda: self._attempt(problem), MAX_SEARCH)
+        limits = [problem.tolerance, self.max_iterations]
+        self._launch("judge_worlds", model.world_count, [cg.solves, *limits], [worlds])
+
+    def _attempt(self, problem: _Problem) -> None:
+        """A step of the present length along the direction, its forces, and whether it is taken."""
+        model, cg, worlds, state = self.model, self.cg, self.worlds, problem.state
+        vectors = [self.position_base, self._start, cg.x]
+        inputs = [model.particle_inv_mass, model.particle_world, worlds, *vectors, problem.gamma]
+        self._launch("attempt", model.particle_count, inputs, [state.particle_q, state.particle_qd])
+        self._evaluate(problem)
+        inputs = [cg.lanes, cg.partial, cg.solves, problem.tolerance, OVERSHOOT, SHORTEST_STEP]
+        self._launch("judge_step", model.world_count, inputs, [worlds])
+
+    def _evaluate(self, problem: _Problem) -> None:
+        """Forces, the residual, and its slope along the latest direction."""
+        model, cg, state = self.model, self.cg, problem.state
+        problem.forces.evaluate(state, problem.time)
+        vectors = [self.velocity_base, state.particle_qd, state.particle_f, cg.x]
+        inputs = [cg.lanes, model.particle_mass, model.particle_inv_mass, *vectors, problem.gamma]
+        self._launch("residual", cg.lane_count, inputs, [self._residual, cg.partial])
+
+    def _launch(self, kernel: str, dim: int, inputs: list, outputs: list) -> None:
+        wp.launch(getattr(self.kernels, kernel), dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
+
+
+def _make_worlds(model: Model, kernels: Any) -> Any:
+    worlds = kernels.Worlds()
+    groups = [
+        (wp.int32, ("active", "searching", "iterations", "cg_iterations", "converged", "failures")),
+        (wp.int64, ("newton_total", "cg_total")),
+        (wp.float64, ("update", "step")),
+        (model.real, ("project",)),
+    ]
+    for dtype, names in groups:
+        for name in names:
+            setattr(worlds, name, wp.zeros(model.world_count, dtype=dtype, device=model.device))
+    worlds.at_work, worlds.at_search = (wp.zeros(1, dtype=wp.int32, device=model.device) for _ in range(2))
+    masses = np.where(model.particle_inv_mass.numpy() > 0.0, model.particle_mass.numpy(), 0.0)
+    sums = np.bincount(model.particle_world.numpy(), masses, minlength=model.world_count)
+    worlds.mass = model.array(np.maximum(sums, np.finfo(np.float64).tiny), wp.float64)
+    return worlds
