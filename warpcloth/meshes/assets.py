@@ -22,7 +22,7 @@ def resolve_asset(source: Any) -> Path:
         raise MeshError(
             f"A mesh must be a file name, a mesh or a trimesh.Trimesh, got {type(source).__name__}."
         ) from None
-    if not isinstance(text, str) or not text or "\0" in text:
+    if not isinstance(text, str) or not text.strip() or not text.isprintable():
         raise MeshError(f"A mesh must be given by a file name, got {text!r}.")
     if text.startswith(PREFIX):
         return _existing(warp_assets() / text.removeprefix(PREFIX), text, f"No asset '{text}' ships with Warp")

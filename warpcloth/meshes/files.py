@@ -1,6 +1,6 @@
 """PLY, STL, OFF and glTF through trimesh."""
 
-import json
+from collections import defaultdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,11 +9,8 @@ import numpy as np
 
 from ..errors import MeshError
 from .choose import Part, chosen
+from .gltf import Y_UP_TO_Z_UP, gltf_texture, with_texture_attribute
 from .trianglemesh import TriangleMesh
-
-GLTF_TO_Z_UP = np.array(
-    [[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]]
-)  # glTF is Y up by its standard
 
 
 def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
@@ -24,40 +21,58 @@ def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     """
     import trimesh
 
-    gltf = path.suffix.lower() in (".glb", ".gltf")
-    options: dict[str, Any] = {"merge_primitives": True, "skip_materials": True} if gltf else {}
+    kind = path.suffix[1:].lower()
+    gltf = kind in ("glb", "gltf")
     try:
-        if path.suffix.lower() == ".gltf":
-            json.loads(path.read_bytes())  # trimesh would fall back to a "model.gltf" beside it
-        scene = trimesh.load_scene(path, process=False, **options)
+        if gltf:
+            resolver = trimesh.resolvers.FilePathResolver(path)
+            content = with_texture_attribute(path)
+            scene = trimesh.load_scene(content, kind, resolver, process=False, skip_materials=True)
+        else:
+            scene = trimesh.load_scene(path, process=False)
     except Exception as error:  # whatever the parsers of damaged files raise
-        reason = (str(error).strip() or type(error).__name__).split("\n")[0]
-        kind = path.suffix[1:].upper()
-        raise MeshError(f"The mesh file '{path.name}' is damaged or not {kind} (trimesh: {reason}).") from None
-    return mesh_of_scene(scene, path.stem, prim, join, GLTF_TO_Z_UP if gltf else np.eye(4))
+        lines = str(error).strip().splitlines() or [type(error).__name__]
+        raise MeshError(
+            f"The mesh file '{path.name}' is damaged or not {kind.upper()} (trimesh: {lines[0]})."
+        ) from None
+    return mesh_of_scene(scene, path.stem, prim, join, Y_UP_TO_Z_UP if gltf else np.eye(4))
 
 
 def mesh_of_scene(scene: Any, name: str, prim: str | None, join: bool, axes: np.ndarray) -> TriangleMesh:
     """The chosen meshes of a ``trimesh.Scene``, placed by its graph and then by ``axes``."""
-    parts = []
+    groups: dict[str, list[tuple[Any, np.ndarray]]] = defaultdict(list)
     for node in scene.graph.nodes_geometry:
         matrix, key = scene.graph.get(node)
         geometry = scene.geometry[key]
         if hasattr(geometry, "faces") and len(geometry.faces):
-            parts.append(Part(f"/{node}", partial(_placed, geometry, node, axes @ matrix)))
+            groups[_path(scene.graph, node, geometry)].append((geometry, axes @ matrix))
+    parts = [Part(path, partial(_joined, group, path)) for path, group in groups.items()]
     if len(parts) == 1 and prim is None:
         return TriangleMesh.joined([parts[0].read()], name)
     return chosen(parts, name, prim, join)
 
 
-def _placed(geometry: Any, name: str, matrix: np.ndarray) -> TriangleMesh:
-    return mesh_of_trimesh(geometry, name).transformed(matrix)
-
-
 def mesh_of_trimesh(mesh: Any, name: str) -> TriangleMesh:
     """A ``trimesh.Trimesh`` with the texture coordinates of its vertices, if any."""
-    faces = np.array(mesh.faces, np.int32).reshape(-1, 3)
-    uvs = getattr(getattr(mesh, "visual", None), "uv", None)
-    if uvs is None or len(uvs) != len(mesh.vertices):
-        return TriangleMesh(np.array(mesh.vertices, float), faces, name=name)
-    return TriangleMesh(np.array(mesh.vertices, float), faces, np.array(uvs, float)[:, :2], faces, name)
+    points, faces = np.array(mesh.vertices, float), np.array(mesh.faces, np.int32).reshape(-1, 3)
+    uvs = gltf_texture(mesh)
+    if uvs is None:
+        uvs = getattr(getattr(mesh, "visual", None), "uv", None)
+    if uvs is None or np.shape(uvs)[:1] != points.shape[:1] or not np.isfinite(uvs).all():
+        return TriangleMesh(points, faces, name=name)
+    return TriangleMesh(points, faces, np.array(uvs, float)[:, :2], faces, name)
+
+
+def _path(graph: Any, node: str, geometry: Any) -> str:
+    """Path of a mesh in the scene graph. trimesh adds a node of random name for each part of a glTF mesh: left out."""
+    parents, names = graph.transforms.parents, [node]
+    while names[-1] in parents and parents[names[-1]] != graph.base_frame:
+        names.append(parents[names[-1]])
+    if geometry.metadata.get("from_gltf_primitive") and len(names) > 1:
+        del names[0]
+    return "/" + "/".join(reversed(names))
+
+
+def _joined(group: list[tuple[Any, np.ndarray]], path: str) -> TriangleMesh:
+    name = path.rsplit("/", 1)[-1]
+    return TriangleMesh.joined([mesh_of_trimesh(geometry, name).transformed(m) for geometry, m in group], name)

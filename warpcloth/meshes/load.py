@@ -35,6 +35,8 @@ def read_mesh(path: Any, prim: str | None = None, *, join: bool = False) -> Tria
     if suffix not in SUFFIXES:
         known = ", ".join(suffix[1:].upper() for suffix in SUFFIXES)
         raise MeshError(f"The mesh file '{file.name}' is of no known kind; known are {known}.")
+    if file.stat().st_size == 0:
+        raise MeshError(f"The mesh file '{file.name}' is empty: it has 0 bytes.")
     return _read(file, suffix, _checked_prim(prim, file.name, suffix), join).welded()
 
 

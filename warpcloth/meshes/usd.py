@@ -1,5 +1,6 @@
 """Meshes of a USD stage. This module imports ``pxr``; import it only to read USD."""
 
+import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -26,7 +27,20 @@ def read_usd(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     Raises:
         MeshError: when the file cannot be read, or holds several meshes and none is chosen.
     """
-    stage = _open(path)
+    collected = UsdUtils.CoalescingDiagnosticDelegate()  # keeps warnings about damaged files off stderr
+    try:
+        return _chosen(path, prim, join)
+    except Tf.ErrorException as error:
+        raise MeshError(f"The USD file '{path.name}' cannot be read: {_reason(error)}.") from None
+    except (UnicodeDecodeError, RuntimeError):  # text of a damaged file, which Python cannot hold
+        raise MeshError(f"The USD file '{path.name}' cannot be read: it is damaged.") from None
+    finally:
+        del collected
+
+
+def _chosen(path: Path, prim: str | None, join: bool) -> TriangleMesh:
+    stage = Usd.Stage.Open(str(path.absolute()))
+    stage.Reload()  # this process may hold an older state of the file
     to_si = _to_si(stage)
     cache = UsdGeom.XformCache(TIME)
     parts, shown = [], []
@@ -39,17 +53,14 @@ def read_usd(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     return chosen(shown if shown and prim is None else parts, path.stem, prim, join)
 
 
-def _open(path: Path) -> Usd.Stage:
-    collected = UsdUtils.CoalescingDiagnosticDelegate()  # keeps warnings about damaged files off stderr
+def _reason(error: Tf.ErrorException) -> str:
+    """The first thing USD complains about, without the places in its source."""
     try:
-        stage = Usd.Stage.Open(str(path.absolute()))
-        stage.Reload()  # this process may hold an older state of the file
-    except Tf.ErrorException as error:
-        reason = str(error).strip().splitlines()[-1].strip(" '\"") if str(error).strip() else "not a USD file"
-        raise MeshError(f"The USD file '{path.name}' cannot be read: {reason.rstrip('.')}.") from None
-    finally:
-        del collected
-    return stage
+        said = re.findall(r" : '([^\n]*)", str(error))
+    except UnicodeDecodeError:
+        said = []
+    telling = [line.rstrip("' .") for line in said if not line.startswith("Failed to open layer")]
+    return telling[0] if telling else "it is damaged or not USD"
 
 
 def _to_si(stage: Usd.Stage) -> np.ndarray:
@@ -94,12 +105,12 @@ def _placed(mesh: UsdGeom.Mesh, name: str, matrix: np.ndarray) -> TriangleMesh:
 
 def _read(mesh: UsdGeom.Mesh, name: str) -> TriangleMesh:
     """A mesh in its own frame."""
-    points = np.array(_value(mesh.GetPointsAttr(), []), float).reshape(-1, 3)
-    counts = np.array(_value(mesh.GetFaceVertexCountsAttr(), []), np.int64)
-    corners = np.array(_value(mesh.GetFaceVertexIndicesAttr(), []), np.int64)
+    points = _numbers(mesh.GetPointsAttr(), float).reshape(-1, 3)
+    counts = _numbers(mesh.GetFaceVertexCountsAttr(), np.int64)
+    corners = _numbers(mesh.GetFaceVertexIndicesAttr(), np.int64)
     _check_faces(name, points, counts, corners)
     cuts = triangulate(points, counts, corners)
-    holes = np.array(_value(mesh.GetHoleIndicesAttr(), []), np.int64)
+    holes = _numbers(mesh.GetHoleIndicesAttr(), np.int64)
     if holes.size:
         face = np.searchsorted(np.cumsum(counts), cuts[:, 0], side="right")
         cuts = cuts[~np.isin(face, holes)]
@@ -160,6 +171,19 @@ def _value(attribute: Usd.Attribute, otherwise: Any) -> Any:
     return otherwise if value is None else value
 
 
+<<<<<<< HEAD
 def _columns(matrix: Any) -> np.ndarray:
+=======
+def _numbers(attribute: Usd.Attribute, dtype: type) -> np.ndarray:
+    """The value as an array; empty where there is none."""
+    try:
+        return np.array(_value(attribute, []), dtype)
+    except (TypeError, ValueError):
+        name, owner = attribute.GetName(), attribute.GetPrim().GetName()
+        raise MeshError(f"Mesh '{owner}': its {name} are no list of numbers.") from None
+
+
+def _columns(matrix) -> np.ndarray:
+>>>>>>> bcba8b7 (glTF texture coordinates without Pillow, parts of a glTF mesh joined; mesh tests)
     """A Gf matrix, which multiplies row vectors, in the convention of column vectors."""
     return np.array(matrix).T

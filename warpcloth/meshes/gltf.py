@@ -1,0 +1,56 @@
+"""What glTF needs besides trimesh: its axes, and texture coordinates, which trimesh keeps only beside loaded images."""
+
+import io
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+TEXTURE = "_WARPCLOTH_ST"  # trimesh hands attributes that begin with an underscore through
+Y_UP_TO_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+_HEADER = struct.Struct("<4sII")  # magic, version, length
+_CHUNK = struct.Struct("<I4s")  # length, type
+
+
+def with_texture_attribute(path: Path) -> io.BytesIO:
+    """The file with each TEXCOORD_0 also under the name ``TEXTURE``; origin at the upper left, as glTF has it.
+
+    Raises:
+        ValueError, KeyError, …: when the file is not glTF.
+    """
+    content = path.read_bytes()
+    if path.suffix.lower() == ".gltf":
+        return io.BytesIO(_renamed(content))
+    magic, version, _ = _HEADER.unpack_from(content)
+    length, kind = _CHUNK.unpack_from(content, _HEADER.size)
+    if magic != b"glTF" or kind != b"JSON":
+        raise ValueError("incorrect header on GLB file")
+    start = _HEADER.size + _CHUNK.size
+    text = _renamed(content[start : start + length])
+    text += b" " * (-len(text) % 4)
+    rest = content[start + length :]
+    total = start + len(text) + len(rest)
+    return io.BytesIO(_HEADER.pack(magic, version, total) + _CHUNK.pack(len(text), kind) + text + rest)
+
+
+def gltf_texture(mesh: Any) -> np.ndarray | None:
+    """Texture coordinates [n, 2] that :func:`with_texture_attribute` kept, origin at the lower left, or None."""
+    uvs = getattr(mesh, "vertex_attributes", {}).get(TEXTURE)
+    if uvs is None or np.ndim(uvs) != 2:
+        return None
+    scale = np.iinfo(uvs.dtype).max if np.issubdtype(uvs.dtype, np.integer) else 1.0
+    u, v = np.array(uvs, float).T[:2] / scale
+    return np.stack([u, 1.0 - v], axis=1)
+
+
+def _renamed(text: bytes) -> bytes:
+    tree = json.loads(text)
+    for mesh in tree.get("meshes", []):
+        for primitive in mesh["primitives"]:
+            attributes = primitive["attributes"]
+            if "TEXCOORD_0" in attributes:
+                attributes[TEXTURE] = attributes["TEXCOORD_0"]
+    return json.dumps(tree).encode()
