@@ -25,7 +25,7 @@ def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     gltf = kind in ("glb", "gltf")
     try:
         if gltf:
-            resolver = trimesh.resolvers.FilePathResolver(path)
+            resolver = trimesh.resolvers.FilePathResolver(str(path))
             content = with_texture_attribute(path)
             scene = trimesh.load_scene(content, kind, resolver, process=False, skip_materials=True)
         else:

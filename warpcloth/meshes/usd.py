@@ -171,9 +171,6 @@ def _value(attribute: Usd.Attribute, otherwise: Any) -> Any:
     return otherwise if value is None else value
 
 
-<<<<<<< HEAD
-def _columns(matrix: Any) -> np.ndarray:
-=======
 def _numbers(attribute: Usd.Attribute, dtype: type) -> np.ndarray:
     """The value as an array; empty where there is none."""
     try:
@@ -183,7 +180,6 @@ def _numbers(attribute: Usd.Attribute, dtype: type) -> np.ndarray:
         raise MeshError(f"Mesh '{owner}': its {name} are no list of numbers.") from None
 
 
-def _columns(matrix) -> np.ndarray:
->>>>>>> bcba8b7 (glTF texture coordinates without Pillow, parts of a glTF mesh joined; mesh tests)
+def _columns(matrix: Any) -> np.ndarray:
     """A Gf matrix, which multiplies row vectors, in the convention of column vectors."""
     return np.array(matrix).T
