@@ -7,9 +7,9 @@ The force is along d, so d ∥ d̂, and as the law is linear in length the answe
     h J = [ K (|d̂| − r) + D n·(d̂ − d₀) ] / (1 + (K + D) W),      K = h² k_s/r,   D = h k_d/r,   n = d̂/|d̂|
 
 In XPBD's terms (Macklin, Müller, Chentanez 2016): C = |d| − r, compliance α = r/k_s, Rayleigh-like damping β = k_d/r.
-The form here needs no division by k_s. h J n is kept per spring and taken back before the spring is solved again, so
-that the iteration ends at the solution of the implicit step; the original keeps |h J| only, and leaves what was applied
-along former directions where it is.
+The form here needs no division by k_s. The force vector is kept per spring and taken back before the spring is solved
+again, so that the iteration ends at the solution of the implicit step; the original keeps its magnitude only, and
+leaves what was applied along former directions where it is. So a step may also begin with forces of the step before.
 
 Springs of one launch share no particle, so no atomics are needed and the result does not depend on their order.
 """
@@ -33,15 +33,14 @@ def solve_springs(
     # State in
     particle_q: wp.array(dtype=vec3),
     dt: real,
-    iteration: int,
-    last_iteration: int,
+    kept: real,
     # Out
     displacement_out: wp.array(dtype=vec3),
-    spring_impulse_out: wp.array(dtype=vec3),
+    spring_force_out: wp.array(dtype=vec3),
 ):
     """Solves the springs of one colour; ``spring_law`` holds (r [m], k_s/r [N/m], k_d/r [N s/m]) of each.
 
-    ``spring_impulse_out`` (h J n [kg m]) carries over between the iterations of a step; the first one does not read it.
+    ``spring_force_out`` [N] is that of the sweep before, of which the displacements contain the share ``kept``.
     """
     s = wp.tid()
     p = spring_ends[s][0]
@@ -49,9 +48,7 @@ def solve_springs(
     law = spring_law[s]
     w_p = particle_inv_mass[p]
     w_q = particle_inv_mass[q]
-    old = vec3()
-    if iteration > 0:
-        old = spring_impulse_out[s]
+    old = (kept * dt * dt) * spring_force_out[s]
     moved = displacement_out[q] - displacement_out[p] + (w_p + w_q) * old
     d = particle_q[q] - particle_q[p] + moved
     n = direction(d)
@@ -61,8 +58,7 @@ def solve_springs(
     impulse = (pull / (real(1.0) + (elastic + viscous) * (w_p + w_q))) * n
     displacement_out[p] = displacement_out[p] + w_p * (impulse - old)
     displacement_out[q] = displacement_out[q] - w_q * (impulse - old)
-    if iteration < last_iteration:
-        spring_impulse_out[s] = impulse
+    spring_force_out[s] = impulse / (dt * dt)
 
 
 @wp.kernel

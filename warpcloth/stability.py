@@ -91,12 +91,12 @@ def largest_stable_step(model: "Model", integrator: "Integrator") -> float:
 
 
 def substeps_for(model: "Model", integrator: "Integrator", dt: float, most: int) -> int:
-    """Fewest equal steps that divide dt [s] into stable ones.
+    """Fewest equal steps that divide dt [s] into stable ones, no larger than the integrator advises.
 
     Raises:
         SimulationError: more than ``most`` would be needed.
     """
-    step = largest_stable_step(model, integrator)
+    step = min(largest_stable_step(model, integrator), integrator.advised_step())
     count = max(1, math.ceil(dt / step))
     if count > most:
         raise SimulationError(

@@ -1,5 +1,6 @@
 """What every integrator provides."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
@@ -71,3 +72,10 @@ class Integrator(Protocol):
         The stable step, except for schemes that let undamped motion grow at any step, but slowly at small ones.
         """
         return cls.stable_step(omega, gamma)
+
+    def advised_step(self) -> float:
+        """Step [s] at which results are good for the model at hand, where that asks for less than stability does.
+
+        Automatic substeps take it into account; infinite where the stable step is good enough.
+        """
+        return math.inf

@@ -8,7 +8,7 @@ from ..forces import Forces
 from ..model import Model
 from ..state import State
 from .colouring import SpringColours
-from .position_step import MAX_ITERATIONS, PositionStep
+from .position_step import PositionStep
 
 
 class Pbd(PositionStep):
@@ -35,8 +35,7 @@ class Pbd(PositionStep):
     use = "only to compare: its stiffness is set by the step, not by the fabric; xpbd costs the same"
 
     def __init__(self, model: Model, *, iterations: int = 1, stiffness: float = 1.0, bending: float = 0.01):
-        super().__init__(model)
-        self.iterations = validate.integer(iterations, "iterations", minimum=1, maximum=MAX_ITERATIONS)
+        super().__init__(model, iterations)
         stiffness = validate.number(stiffness, "stiffness", minimum=0.0, maximum=1.0)
         bending = validate.number(bending, "bending", minimum=0.0, maximum=1.0)
         self.colours = SpringColours(model)

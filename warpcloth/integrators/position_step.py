@@ -3,8 +3,10 @@
 import math
 from abc import abstractmethod
 
+import numpy as np
 import warp as wp
 
+from .. import validate
 from ..forces import Forces
 from ..kinematics import drive_pins
 from ..model import Model
@@ -12,21 +14,27 @@ from ..state import State
 from .base import Integrator
 
 MAX_ITERATIONS = 100_000
+STANDARD_GRAVITY = 9.80665  # [m/s²]
 
 
 class PositionStep(Integrator):
     """A step h solved for the displacement δ of each particle: m (δ − δ̂)/h² = spring forces at the end of the step.
 
-    δ̂ = h v + h² f/m holds gravity and all other forces but springs, evaluated at the start of the step.
+    δ̂ = h v + h² f/m holds gravity and all other forces but springs, evaluated at the start of the step. The solution
+    begins at δ̂ plus the share ``warm_start`` of what springs did in the previous step.
     """
 
     implicit = True
     symplectic = False
     capturable = True
 
-    def __init__(self, model: Model):
+    def __init__(self, model: Model, iterations: int, warm_start: float = 0.0):
+        self.iterations = validate.integer(iterations, "iterations", minimum=1, maximum=MAX_ITERATIONS)
+        self.warm_start = validate.number(warm_start, "warm_start", minimum=0.0, maximum=1.0)
+        self._weight_step = weight_step(model)
         self.inertial = wp.zeros(model.particle_count, dtype=model.vec3, device=model.device)
         self.displacement = wp.zeros_like(self.inertial)
+        self.spring_acceleration = wp.zeros_like(self.inertial)
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
@@ -36,8 +44,8 @@ class PositionStep(Integrator):
         wp.launch(
             model.kernels.position_step.finish,
             dim=model.particle_count,
-            inputs=[model.particle_inv_mass, state_in.particle_q, self.displacement, dt],
-            outputs=[state_out.particle_q, state_out.particle_qd],
+            inputs=[model.particle_inv_mass, state_in.particle_q, self.inertial, self.displacement, dt],
+            outputs=[self.spring_acceleration, state_out.particle_q, state_out.particle_qd],
             device=model.device,
         )
 
@@ -47,10 +55,13 @@ class PositionStep(Integrator):
         wp.launch(
             kernels.predict,
             dim=model.particle_count,
-            inputs=[model.particle_inv_mass, state_in.particle_q, state_in.particle_qd, state_in.particle_f, dt],
+            inputs=[
+                model.particle_inv_mass, state_in.particle_q, state_in.particle_qd, state_in.particle_f,
+                self.spring_acceleration, self.warm_start, dt,
+            ],
             outputs=[self.inertial, self.displacement, state_out.particle_q, state_out.particle_qd],
             device=model.device,
-        )
+        )  # fmt: skip
         pins = model.moving_pins.particle
         if len(pins) > 0:
             drive_pins(model, state_in.world_time, dt, state_out.particle_q, state_out.particle_qd)
@@ -62,6 +73,10 @@ class PositionStep(Integrator):
                 device=model.device,
             )
 
+    def reset(self) -> None:
+        """Forgets the spring forces of the previous step."""
+        self.spring_acceleration.zero_()
+
     @abstractmethod
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> None:
         """Improves ``self.displacement``; adds the number of sweeps over all springs to ``forces.evaluations``."""
@@ -70,3 +85,31 @@ class PositionStep(Integrator):
     def stable_step(cls, omega: float, gamma: float) -> float:
         """No limit."""
         return math.inf
+
+    def advised_step(self) -> float:
+        """The step [s] at which cloth holds its own weight without visible numerical stretch.
+
+        What sweeps leave unsolved acts like a softer fabric: its strain grows with the weight below, the step and the
+        number of springs that the load passes through, whatever the stiffness. By dimensions the step must be
+        √(L/g) f(a/L), a the length of springs, L the size of the cloth. A square metre pinned at an edge and let go
+        keeps its worst mean strain near 2.5 % while it swings, and is below 0.3 % at the end, with 4 substeps of 1/60 s
+        at 16 × 16 vertices, 10 at 32 × 32, 25 at 64 × 64 and 65 at 128 × 128, for fabrics of 400 and 12,000 N/m alike
+        (XPBD, one sweep): f = 0.7 (a/L)^(4/3). Four sweeps allow twice the step.
+        """
+        return math.sqrt(self.iterations) * self._weight_step
+
+
+def weight_step(model: Model) -> float:
+    """0.7 (a/L)^(4/3) √(L/g) [s], the least over all cloths; see :meth:`PositionStep.advised_step`.
+
+    L is the diagonal of the cloth's bounding box; a tenth of its in-plane springs are shorter than a.
+    """
+    positions, first = model.particle_q.numpy(), model.spring_indices.numpy()[:, 0]
+    length, in_plane = model.spring_rest_length.numpy(), model.spring_group.numpy() == 0
+    steps = [math.inf]
+    for cloth in model.cloths:
+        own = length[in_plane & (first >= cloth.start) & (first < cloth.stop)]
+        size = float(np.linalg.norm(np.ptp(positions[cloth.start : cloth.stop], axis=0)))
+        if len(own) and size > 0.0:
+            steps.append(0.7 * (np.quantile(own, 0.1) / size) ** (4.0 / 3.0) * math.sqrt(size / STANDARD_GRAVITY))
+    return float(min(steps))

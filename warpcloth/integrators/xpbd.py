@@ -3,12 +3,11 @@
 import numpy as np
 import warp as wp
 
-from .. import validate
 from ..forces import Forces
 from ..model import Model
 from ..state import State
 from .colouring import SpringColours
-from .position_step import MAX_ITERATIONS, PositionStep
+from .position_step import PositionStep
 
 
 class Xpbd(PositionStep):
@@ -18,12 +17,17 @@ class Xpbd(PositionStep):
     to Newton's solution as ``iterations`` grows. Small steps of one sweep give more for the same work than large steps
     of many (Macklin et al., Small Steps in Physics Simulation, 2019); too few of both act like a softer fabric.
 
+    A step begins with a share of the spring forces of the step before. One half removes a third to a half of the strain
+    error and is stable at any step. All of it gives the result of a converged solve while ω h stays below 3, but larger
+    steps diverge.
+
     Args:
         model: the model.
         iterations: sweeps over all springs per step.
+        warm_start: share of the previous spring forces with which a step begins, 0 to 1.
 
     Raises:
-        InputError: ``iterations`` is not a whole number of at least 1.
+        InputError: a value out of range.
     """
 
     name = "xpbd"
@@ -32,25 +36,29 @@ class Xpbd(PositionStep):
     cost = "1 sweep over the springs, one launch per colour"
     use = "the fast choice for cloth: stable at any step, 20-60 substeps a frame of one sweep each"
 
-    def __init__(self, model: Model, *, iterations: int = 1):
-        super().__init__(model)
-        self.iterations = validate.integer(iterations, "iterations", minimum=1, maximum=MAX_ITERATIONS)
+    def __init__(self, model: Model, *, iterations: int = 1, warm_start: float = 0.5):
+        super().__init__(model, iterations, warm_start)
         self.colours = SpringColours(model)
         r = model.spring_rest_length.numpy().astype(np.float64)
         law = np.stack([r, model.spring_stiffness.numpy() / r, model.spring_damping.numpy() / r], axis=1)
         self.law = self.colours.arranged(law, model.vec3)
-        self.impulse = self.colours.arranged(np.zeros((model.spring_count, 3)), model.vec3)
+        self.force = self.colours.arranged(np.zeros((model.spring_count, 3)), model.vec3)
+
+    def reset(self) -> None:
+        """Forgets the spring forces of the previous step."""
+        super().reset()
+        for force in self.force:
+            force.zero_()
 
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> None:
         forces.evaluations += self.iterations
         for iteration in range(self.iterations):
-            for ends, law, impulse in zip(self.colours.ends, self.law, self.impulse, strict=True):
+            kept = self.warm_start if iteration == 0 else 1.0
+            for ends, law, force in zip(self.colours.ends, self.law, self.force, strict=True):
                 wp.launch(
                     model.kernels.xpbd.solve_springs,
                     dim=len(ends),
-                    inputs=[
-                        ends, law, model.particle_inv_mass, state_in.particle_q, dt, iteration, self.iterations - 1,
-                    ],
-                    outputs=[self.displacement, impulse],
+                    inputs=[ends, law, model.particle_inv_mass, state_in.particle_q, dt, kept],
+                    outputs=[self.displacement, force],
                     device=model.device,
-                )  # fmt: skip
+                )
