@@ -23,8 +23,8 @@ class Stages:
         self.count = count
         self.forces = wp.zeros((max(count - 1, 1), model.particle_count), dtype=model.vec3, device=model.device)
         self._rows = [self.forces[j] for j in range(len(self.forces))]
-        self._q = wp.zeros_like(model.particle_q) if count > 1 else None
-        self._qd = wp.zeros_like(model.particle_q) if count > 1 else None
+        self._q = wp.zeros_like(model.particle_q[: model.particle_count if count > 1 else 0])
+        self._qd = wp.zeros_like(self._q)
 
     def scratch(self, stage: int, clock: wp.array) -> State:
         """The scratch state, whose force is that of ``stage`` ≥ 1."""
