@@ -173,3 +173,12 @@ def test_reports_of_people_are_plain_text_in_a_pipe(capsys):
 
     print_report(Report({}, Text("done", style="green")), sys.stdout, as_json=False)
     assert capsys.readouterr().out == "done\n"
+
+
+def test_unstable_steps_are_one_line_on_stderr(tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["simulate", "hanging", "--frames", "1", "--substeps", "2", "--device", "cpu", "--json"]) in (0, 3)
+    lines = [line for line in capfd.readouterr().err.splitlines() if "is unstable with 2 substeps" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("warpcloth: ")
+    assert "which takes" in lines[0]

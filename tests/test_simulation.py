@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import warpcloth as wc
-from warpcloth.errors import DivergedError, InputError, SimulationError
+from warpcloth.errors import DivergedError, InputError, SimulationError, StabilityWarning
 from warpcloth.kinematics import MovingPins, drive_pins, make_tracks
 from warpcloth.stability import fastest_rates, largest_stable_step
 
@@ -104,7 +104,10 @@ def model_free(sim: wc.Simulation) -> np.ndarray:
 
 def test_an_unstable_step_raises_and_says_what_to_change():
     sim = wc.Simulation(wc.Model.build(sheet(30, pins="left")), substeps=2)
-    with pytest.raises(DivergedError, match='substeps="auto"'):
+    with (
+        pytest.warns(StabilityWarning, match="which takes [0-9]+ substeps"),
+        pytest.raises(DivergedError, match='substeps="auto"'),
+    ):
         sim.run(200)
 
 

@@ -1,5 +1,6 @@
 """The simulation loop: forces → integrator → contact, many substeps a frame, each frame a captured graph."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -8,6 +9,7 @@ import warp as wp
 
 from . import diagnostics, stability, validate
 from .contact import ObstacleResponse
+from .errors import StabilityWarning
 from .forces import Forces, Springs
 from .integrators import make_integrator
 from .model import Model
@@ -75,6 +77,7 @@ class Simulation:
         self._graphs: dict[tuple[float, int], wp.Graph] = {}
         self._ran: set[tuple[float, int]] = set()
         self._rest_since: float | None = None
+        self._judged: set[float] = set()
         if self.contact is not None:
             diagnostics.check_start(model, self.state)
 
@@ -83,11 +86,17 @@ class Simulation:
 
         Raises:
             InputError: dt is not a positive number.
+            SimulationError: automatic substeps would be too many, or the integrator cannot go on.
             DivergedError: (when ``check``) something is no longer finite.
+
+        Warns:
+            StabilityWarning: the given ``substeps`` are too few for the integrator; named are those that would do.
         """
         dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
         if self._auto:
             self.substeps = self._stable_substeps(dt)
+        else:
+            self._warn_if_unstable(dt)
         self._advance(dt, self.substeps)
         self.time += dt
         if self.check:
@@ -158,6 +167,16 @@ class Simulation:
             return self.substeps
         self._auto_dt = dt
         return stability.substeps_for(self.model, self.integrator, dt, MAX_SUBSTEPS)
+
+    def _warn_if_unstable(self, dt: float) -> None:
+        """Once for each length of frame."""
+        if dt in self._judged:
+            return
+        self._judged.add(dt)
+        positions = self.state.particle_q.numpy().astype(np.float64)
+        warning = stability.warning_of_unstable_steps(self.model, self.integrator, positions, dt, self.substeps)
+        if warning is not None:
+            warnings.warn(warning, StabilityWarning, stacklevel=3)
 
     def _look(self, dt: float) -> None:
         """Stops on non-finite values; keeps track of rest."""

@@ -26,6 +26,7 @@ TOLERANCE = 1e-5
 # without damping a network with random jolts of one cell doubled its energy many times over in 80 frames at 0.95 of the
 # limit, and kept it within 15 % at a quarter of it. With the default damping 0.7 is enough.
 SAFETY = 0.7
+WARNING_ITERATIONS = 60  # within about 1 % of the step
 
 
 class _Network:
@@ -53,13 +54,13 @@ class _Network:
         columns = [np.bincount(self.q, c, n) - np.bincount(self.p, c, n) for c in f.T]
         return np.stack(columns, axis=1) * np.sqrt(self.inverse_mass)[:, None]
 
-    def largest_eigenvalue(self, weights: np.ndarray) -> float:
+    def largest_eigenvalue(self, weights: np.ndarray, iterations: int = MAX_ITERATIONS) -> float:
         """By power iteration; 0 for a network without free ends."""
         width = 1 if self.directions is None else 3
         x = np.random.default_rng(0).standard_normal((len(self.inverse_mass), width))
         x[self.inverse_mass == 0.0] = 0.0
         value = 0.0
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(iterations):
             norm = np.linalg.norm(x)
             if norm == 0.0:
                 return 0.0
@@ -70,19 +71,35 @@ class _Network:
         return value
 
 
-def fastest_rates(model: "Model", positions: np.ndarray | None = None) -> tuple[float, float]:
+def rate_bounds(model: "Model") -> tuple[float, float]:
+    """Upper bounds of ω [1/s] and γ [1/s] in any configuration, at the cost of one sum (Gershgorin's theorem)."""
+    network = _Network(model, None)
+    bounds = []
+    for strength in (model.spring_stiffness, model.spring_damping):
+        weights = strength.numpy() * network.per_length
+        ends = np.concatenate([network.p, network.q])
+        total = np.bincount(ends, np.tile(weights, 2), model.particle_count)
+        bounds.append(2.0 * float(np.max(total * network.inverse_mass, initial=0.0)))
+    return math.sqrt(bounds[0]), bounds[1]
+
+
+def fastest_rates(
+    model: "Model", positions: np.ndarray | None = None, iterations: int = MAX_ITERATIONS
+) -> tuple[float, float]:
     """ω [1/s] and γ [1/s] of the stiffest undamped mode and of the most damped one.
 
     Args:
         model: whose springs and masses.
         positions: the configuration, shape [particle_count, 3] [m]; None bounds all configurations.
+        iterations: most steps of the power iteration, which approaches the eigenvalues from below.
     """
     if model.spring_count == 0:
         return 0.0, 0.0
     network = _Network(model, positions)
     stiffness = model.spring_stiffness.numpy() * network.per_length
     damping = model.spring_damping.numpy() * network.per_length
-    return math.sqrt(network.largest_eigenvalue(stiffness)), network.largest_eigenvalue(damping)
+    fastest = network.largest_eigenvalue(stiffness, iterations)
+    return math.sqrt(fastest), network.largest_eigenvalue(damping, iterations)
 
 
 def largest_stable_step(model: "Model", integrator: "Integrator") -> float:
@@ -97,10 +114,29 @@ def substeps_for(model: "Model", integrator: "Integrator", dt: float, most: int)
         SimulationError: more than ``most`` would be needed.
     """
     step = min(largest_stable_step(model, integrator), integrator.advised_step())
-    count = max(1, math.ceil(dt / step))
-    if count > most:
+    if dt > most * step:
         raise SimulationError(
-            f"{integrator.name} would need {count} substeps per frame of {dt:g} s to be stable; use a softer or "
-            "heavier fabric, a coarser mesh, or an implicit integrator."
+            f"{integrator.name} would need more than {most} substeps per frame of {dt:g} s to be stable; use a softer "
+            "or heavier fabric, more damping, a coarser mesh, or an implicit integrator."
         )
-    return count
+    return max(1, math.ceil(dt / step))
+
+
+def warning_of_unstable_steps(
+    model: "Model", integrator: "Integrator", positions: np.ndarray, dt: float, substeps: int
+) -> str | None:
+    """A sentence for the user if ``substeps`` steps in dt [s] are unstable at ``positions`` [m]; None if they are not.
+
+    Unlike automatic substeps this is no bound for all configurations: what it warns of will go wrong.
+    """
+    step = dt / substeps
+    if step <= integrator.usable_step(*rate_bounds(model)):
+        return None
+    limit = integrator.usable_step(*fastest_rates(model, positions, WARNING_ITERATIONS))
+    if step <= limit:
+        return None
+    needed = f"{math.ceil(dt / limit)} substeps" if dt < 1e9 * limit else "another integrator"
+    return (
+        f"{integrator.name} is unstable with {substeps} substep{'s' * (substeps > 1)} per frame of {dt:.3g} s: its "
+        f"largest stable step for this cloth is {limit:.3g} s, which takes {needed}; raise substeps or use 'auto'."
+    )

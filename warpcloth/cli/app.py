@@ -11,7 +11,7 @@ import typer
 
 from . import check, integrators, scenes, simulate
 from .report import Report, print_report
-from .terminal import quiet_warp, stdout_for_results
+from .terminal import quiet_warp, stdout_for_results, warnings_as_lines
 
 COMMANDS: tuple[ModuleType, ...] = (simulate, scenes, check, integrators)
 
@@ -39,7 +39,7 @@ def with_report(command: Callable[..., Report]) -> Callable[..., int]:
 
     @functools.wraps(command)
     def run(*arguments: Any, json: bool, debug: bool, **options: Any) -> int:
-        with stdout_for_results() as stdout, quiet_warp(not debug):
+        with stdout_for_results() as stdout, quiet_warp(not debug), warnings_as_lines():
             report = command(*arguments, **options)
         print_report(report, stdout, as_json=json)
         return report.exit_code

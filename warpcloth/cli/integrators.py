@@ -1,8 +1,8 @@
 """``warpcloth integrators``: the time integrators and their properties."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
-
-from rich.table import Table
+from typing import Any
 
 from .report import Report
 
@@ -12,10 +12,22 @@ def command() -> Report:
     import warpcloth as wc
 
     rows = [asdict(info) for info in wc.integrators().values()]
-    table = Table(box=None, pad_edge=False)
-    for heading in ("integrator", "order", "kind", "symplectic", "reference"):
-        table.add_column(heading)
-    for row in rows:
-        kind = "implicit" if row["implicit"] else "explicit"
-        table.add_row(row["name"], str(row["order"]), kind, "yes" if row["symplectic"] else "no", row["reference"])
-    return Report({"integrators": rows}, table)
+    return Report({"integrators": rows}, "\n".join(_entry(row) for row in rows))
+
+
+def _entry(row: Mapping[str, Any]) -> str:
+    order = f"order {row['order']}" if row["order"] else "no order"
+    return f"{row['name']}: {order}, {_kind(row)}, {_limit(row)}; {row['cost']}\n    {row['use']}"
+
+
+def _kind(row: Mapping[str, Any]) -> str:
+    words = [name for name in ("implicit", "symplectic", "adaptive") if row[name]]
+    return ", ".join(words if row["implicit"] else ["explicit", *words])
+
+
+def _limit(row: Mapping[str, Any]) -> str:
+    """Of the undamped oscillator."""
+    limit = row["stability_limit"]
+    if limit is None:
+        return "any step"
+    return f"stable to ω dt = {limit:.2f}" if limit > 0.0 else "stable with damping only"

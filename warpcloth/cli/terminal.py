@@ -3,10 +3,13 @@
 import contextlib
 import os
 import sys
+import warnings
 from collections.abc import Iterator
-from typing import TextIO
+from typing import Any, TextIO
 
 from rich.console import Console
+
+from ..errors import StabilityWarning
 
 
 def messages() -> Console:
@@ -24,6 +27,23 @@ def stdout_for_results() -> Iterator[TextIO]:
     results.flush()
     with contextlib.redirect_stdout(sys.stderr), _redirected(1, 2):
         yield results
+
+
+@contextlib.contextmanager
+def warnings_as_lines() -> Iterator[None]:
+    """Show warpcloth's own warnings as one line on stderr each, without the place in the code."""
+
+    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
+        if issubclass(category, StabilityWarning):
+            messages().print(f"warpcloth: {message}", markup=False)
+        else:
+            usual(message, category, *place)
+
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+        warnings.showwarning = show
+        warnings.simplefilter("always", StabilityWarning)
+        yield
 
 
 @contextlib.contextmanager
