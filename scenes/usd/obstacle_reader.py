@@ -11,7 +11,7 @@ from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
 from ...transforms import apply
 from .faces import mesh_triangles
 from .opening import transform_codes, world_matrix
-from .rigid import ROUND_OFF, are_rigid, rigid_motion, split, unwound
+from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
 from .roles import CLOTH_ROLE, OBSTACLE_ROLE, name_of, numbers, role_of
 
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
@@ -58,11 +58,11 @@ def _read(prim: Usd.Prim, origin: float) -> Obstacle:
         if prim.IsA(kind):
             codes, seconds = _samples(prim, transform_codes(prim), origin)
             rest = world_matrix(prim, _rest_code(prim, codes))
-            parts = split(rest)
+            frame = split(rest)
             matrices = [world_matrix(prim, code) for code in codes]
-            if parts is None or not are_rigid(rest, matrices):
+            if frame is None or not are_rigid(rest, matrices):
                 raise _stretched(prim)
-            return make(kind(prim), *parts, common | {"motion": rigid_motion(rest, seconds, matrices)})
+            return make(kind(prim), frame, common | {"motion": rigid_motion(rest, seconds, matrices)})
     wanted = "a Sphere, Capsule, Cube, Plane or Mesh"
     raise UsdError(f"Collider {prim.GetPath()} is a {prim.GetTypeName()}, which cannot be an obstacle; use {wanted}.")
 
@@ -108,28 +108,28 @@ def _stretched(prim: Usd.Prim) -> UsdError:
     return UsdError(f"Collider {prim.GetPath()} is a {prim.GetTypeName()} stretched out of its shape; {rule}.")
 
 
-def _sphere(shape: UsdGeom.Sphere, origin, rotation, scales, common: dict[str, Any]) -> Sphere:
-    return Sphere(origin, shape.GetRadiusAttr().Get() * _uniform(shape, scales), **common)
+def _sphere(shape: UsdGeom.Sphere, frame: Frame, common: dict[str, Any]) -> Sphere:
+    return Sphere(frame.origin, shape.GetRadiusAttr().Get() * _uniform(shape, frame), **common)
 
 
-def _capsule(shape: UsdGeom.Capsule, origin, rotation, scales, common: dict[str, Any]) -> Capsule:
-    scale = _uniform(shape, scales)
-    half = 0.5 * scale * shape.GetHeightAttr().Get() * rotation[:, COLUMNS[shape.GetAxisAttr().Get()]]
-    return Capsule(origin - half, origin + half, shape.GetRadiusAttr().Get() * scale, **common)
+def _capsule(shape: UsdGeom.Capsule, frame: Frame, common: dict[str, Any]) -> Capsule:
+    scale = _uniform(shape, frame)
+    half = 0.5 * scale * shape.GetHeightAttr().Get() * frame.rotation[:, COLUMNS[shape.GetAxisAttr().Get()]]
+    return Capsule(frame.origin - half, frame.origin + half, shape.GetRadiusAttr().Get() * scale, **common)
 
 
-def _cube(shape: UsdGeom.Cube, origin, rotation, scales, common: dict[str, Any]) -> Box:
-    return Box(origin, shape.GetSizeAttr().Get() * scales, unwound([rotation])[0], **common)
+def _cube(shape: UsdGeom.Cube, frame: Frame, common: dict[str, Any]) -> Box:
+    return Box(frame.origin, shape.GetSizeAttr().Get() * frame.scales, unwound([frame.rotation])[0], **common)
 
 
-def _plane(shape: UsdGeom.Plane, origin, rotation, scales, common: dict[str, Any]) -> Plane:
-    return Plane(origin, rotation[:, COLUMNS[shape.GetAxisAttr().Get()]], **common)
+def _plane(shape: UsdGeom.Plane, frame: Frame, common: dict[str, Any]) -> Plane:
+    return Plane(frame.origin, frame.rotation[:, COLUMNS[shape.GetAxisAttr().Get()]], **common)
 
 
-def _uniform(shape: UsdGeom.Gprim, scales: np.ndarray) -> float:
-    if np.ptp(scales) > ROUND_OFF * scales.max():
+def _uniform(shape: UsdGeom.Gprim, frame: Frame) -> float:
+    if np.ptp(frame.scales) > ROUND_OFF * frame.scales.max():
         raise _stretched(shape.GetPrim())
-    return float(scales[0])
+    return float(frame.scales[0])
 
 
 _SHAPES: dict[type[UsdGeom.Gprim], Callable[..., Obstacle]] = {

@@ -1,6 +1,7 @@
 """Sampled transforms as rigid motions."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from pxr import Gf
@@ -10,8 +11,16 @@ from ...motion import Motion
 ROUND_OFF = 1e-5  # relative; many writers sample transforms in single precision
 
 
-def split(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Origin, rotation matrix and three scales whose product is ``matrix`` (4 × 4), or None if it shears.
+class Frame(NamedTuple):
+    """Where a shape is: origin [m], shape [3], rotation matrix, shape [3, 3], and scale of each axis, shape [3]."""
+
+    origin: np.ndarray
+    rotation: np.ndarray
+    scales: np.ndarray
+
+
+def split(matrix: np.ndarray) -> Frame | None:
+    """The frame that ``matrix`` (4 × 4) makes, or None if it shears or flattens.
 
     A mirroring matrix is treated as one that does not mirror, as the shapes this is for are their own mirror images.
     """
@@ -23,7 +32,7 @@ def split(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | Non
         return None
     if np.linalg.det(rotation) < 0.0:
         rotation = rotation * (-1.0, 1.0, 1.0)
-    return matrix[:3, 3], rotation, scales
+    return Frame(matrix[:3, 3], rotation, scales)
 
 
 def are_rigid(rest: np.ndarray, matrices: Sequence[np.ndarray]) -> bool:
