@@ -4,12 +4,10 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from ...cloth import Cloth
-from ...errors import UsdError
 from .roles import CLOTH_ROLE, mark, set_number
+from .samples import SAMPLE_OVERHEAD, checked, integers, vectors
 from .stage import bind_color
 from .surface import vertex_normals
-
-SAMPLE_OVERHEAD = 256  # bytes that one sample holds in memory besides its array, rounded up
 
 
 class MeshPrim:
@@ -27,8 +25,8 @@ class MeshPrim:
         self.prim = self.mesh.GetPrim()
         self.count = len(points)
         self.triangles = np.asarray(triangles)
-        self.mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(triangles), 3, np.int32)))
-        self.mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(triangles.ravel(), np.int32)))
+        self.mesh.CreateFaceVertexCountsAttr(integers(np.full(len(triangles), 3)))
+        self.mesh.CreateFaceVertexIndicesAttr(integers(triangles))
         self.mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         self.mesh.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
         self.mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
@@ -37,9 +35,9 @@ class MeshPrim:
     def set_points(self, points: np.ndarray, code: Usd.TimeCode | int) -> int:
         """Sets points and the normals and extent that follow from them; returns the bytes held in memory."""
         stored = self.checked(points, "points")
-        self.mesh.GetPointsAttr().Set(_vectors(stored), code)
-        self.mesh.GetNormalsAttr().Set(_vectors(vertex_normals(stored, self.triangles)), code)
-        self.mesh.GetExtentAttr().Set(_vectors(np.stack([stored.min(axis=0), stored.max(axis=0)])), code)
+        self.mesh.GetPointsAttr().Set(vectors(stored), code)
+        self.mesh.GetNormalsAttr().Set(vectors(vertex_normals(stored, self.triangles)), code)
+        self.mesh.GetExtentAttr().Set(vectors(np.stack([stored.min(axis=0), stored.max(axis=0)])), code)
         return 2 * stored.nbytes + 3 * SAMPLE_OVERHEAD
 
     def drop(self, code: int) -> None:
@@ -48,17 +46,8 @@ class MeshPrim:
             attribute.ClearAtTime(code)
 
     def checked(self, values: np.ndarray, what: str) -> np.ndarray:
-        """``values`` as stored, after a check that OpenUSD does not make: it takes any shape as a flat list.
-
-        Raises:
-            UsdError: when they are not one vector per vertex.
-        """
-        array = np.asarray(values)
-        if array.shape != (self.count, 3):
-            name = self.prim.GetName()
-            raise UsdError(f"Mesh '{name}' needs {what} of shape ({self.count}, 3), got {array.shape}.")
-        with np.errstate(over="ignore"):  # becomes infinite, which is the caller's to notice
-            return np.ascontiguousarray(array, np.float32)
+        """``values`` as stored; UsdError when they are not one vector per vertex."""
+        return checked(values, self.count, self.prim.GetName(), what)
 
 
 class ClothPrim(MeshPrim):
@@ -78,7 +67,7 @@ class ClothPrim(MeshPrim):
         """Sets one frame: points [m] and velocities [m/s], shape [n, 3]; returns the bytes held in memory."""
         stored = self.checked(velocities, "velocities")
         held = self.set_points(points, code)
-        self.mesh.GetVelocitiesAttr().Set(_vectors(stored), code)
+        self.mesh.GetVelocitiesAttr().Set(vectors(stored), code)
         return held + stored.nbytes + SAMPLE_OVERHEAD
 
     def drop(self, code: int) -> None:
@@ -92,15 +81,10 @@ class ClothPrim(MeshPrim):
             "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
         )
         primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(cloth.uvs, np.float32)))
-        primvar.SetIndices(Vt.IntArray.FromNumpy(np.ascontiguousarray(cloth.uv_indices.ravel(), np.int32)))
+        primvar.SetIndices(integers(cloth.uv_indices))
 
     def _set_pins(self, indices: np.ndarray) -> None:
         """The held vertices as a point subset, so that they can be seen and selected in any USD tool."""
         if len(indices) == 0:
             return
-        held = Vt.IntArray.FromNumpy(np.ascontiguousarray(indices, np.int32))
-        UsdGeom.Subset.CreateGeomSubset(self.mesh, "pins", UsdGeom.Tokens.point, held, "pins")
-
-
-def _vectors(array: np.ndarray) -> Vt.Vec3fArray:
-    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(array, np.float32))
+        UsdGeom.Subset.CreateGeomSubset(self.mesh, "pins", UsdGeom.Tokens.point, integers(indices), "pins")

@@ -5,7 +5,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from ...errors import UsdError
 from ..schema import Network
-from .mesh_prims import SAMPLE_OVERHEAD
+from .samples import SAMPLE_OVERHEAD
 from .roles import NETWORK_ROLE, mark
 from .stage import bind_color
 

@@ -13,8 +13,9 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
 from ...transforms import placement
-from .mesh_prims import SAMPLE_OVERHEAD, MeshPrim
+from .mesh_prims import MeshPrim
 from .roles import OBSTACLE_ROLE, mark, set_number
+from .samples import SAMPLE_OVERHEAD
 from .stage import bind_color
 
 
