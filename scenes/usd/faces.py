@@ -1,10 +1,11 @@
 """The faces of a mesh prim."""
 
 import numpy as np
-from pxr import Usd, UsdGeom, Vt
+from pxr import Usd, UsdGeom
 
 from ...errors import MeshError
 from ...meshes.triangulate import triangulate
+from .samples import integers
 
 
 def mesh_triangles(mesh: UsdGeom.Mesh, points: np.ndarray) -> np.ndarray:
@@ -13,14 +14,27 @@ def mesh_triangles(mesh: UsdGeom.Mesh, points: np.ndarray) -> np.ndarray:
     Raises:
         MeshError: when there are none, or they refer to points that do not exist.
     """
-    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(Usd.TimeCode.EarliestTime()) or [], np.int32)
-    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(Usd.TimeCode.EarliestTime()) or [], np.int32)
-    valid, why = UsdGeom.Mesh.ValidateTopology(
-        Vt.IntArray.FromNumpy(corners), Vt.IntArray.FromNumpy(counts), len(points)
-    )
-    if not valid or len(counts) == 0 or counts.min() < 3:
-        raise MeshError(f"Mesh {mesh.GetPath()} has no usable faces: {why or 'each needs at least 3 corners'}.")
+    fault = face_fault(mesh, len(points))
+    if fault:
+        raise MeshError(f"Mesh {mesh.GetPath()} {fault}.")
+    counts, corners = _faces(mesh)
     triangles = corners[triangulate(points, counts, corners)]
     if mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
         triangles = triangles[:, ::-1]
     return np.ascontiguousarray(triangles, np.int32)
+
+
+def face_fault(mesh: UsdGeom.Mesh, count: int) -> str | None:
+    """Why the faces over ``count`` points cannot be used, or None."""
+    counts, corners = _faces(mesh)
+    valid, why = UsdGeom.Mesh.ValidateTopology(integers(corners), integers(counts), count)
+    if not valid:
+        return f"has invalid faces ({why.strip().rstrip('.')})"
+    return None if len(counts) and counts.min() >= 3 else "has no faces, or some with less than 3 corners"
+
+
+def _faces(mesh: UsdGeom.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of each face, and the vertex of each corner."""
+    first = Usd.TimeCode.EarliestTime()  # where a value is sampled but has no default
+    counts, corners = (a.Get(first) for a in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()))
+    return tuple(np.array(values if values is not None else [], np.int32) for values in (counts, corners))

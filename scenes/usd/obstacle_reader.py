@@ -1,6 +1,6 @@
 """Obstacles from a stage: every prim that UsdPhysics or a cache of ours calls a collider."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from ...transforms import apply
 from .faces import mesh_triangles
 from .opening import transform_codes, world_matrix
 from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
-from .roles import CLOTH_ROLE, OBSTACLE_ROLE, name_of, numbers, role_of
+from .roles import OBSTACLE_ROLE, name_of, numbers, role_of
 
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
 
@@ -31,16 +31,17 @@ def read_obstacles(stage: Usd.Stage, origin: float = 0.0) -> list[Obstacle]:
         UsdError: on a collider of another kind, or one stretched in a way its kind cannot be; MeshError: on a
             degenerate mesh.
     """
-    return [_read(prim, origin) for prim in _colliders(stage)]
+    prims = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+    return [_read(prim, origin) for prim in prims if is_collider(prim)]
 
 
-def _colliders(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
-        role = role_of(prim)
-        declared = prim.IsA(UsdGeom.Gprim) and prim.HasAPI(UsdPhysics.CollisionAPI) and _enabled(prim)
-        cloth = role == CLOTH_ROLE or "PhysicsSurfaceDeformableSimAPI" in prim.GetAppliedSchemas()
-        if role == OBSTACLE_ROLE or (declared and not cloth):
-            yield prim
+def is_collider(prim: Usd.Prim) -> bool:
+    """Whether cloth collides with ``prim``: an obstacle of ours, or an enabled collider that is no cloth itself."""
+    role = role_of(prim)
+    if role is not None:
+        return role == OBSTACLE_ROLE
+    cloth = "PhysicsSurfaceDeformableSimAPI" in prim.GetAppliedSchemas()
+    return prim.IsA(UsdGeom.Gprim) and prim.HasAPI(UsdPhysics.CollisionAPI) and _enabled(prim) and not cloth
 
 
 def _enabled(prim: Usd.Prim) -> bool:

@@ -5,6 +5,7 @@ from pxr import Sdf, Usd
 CLOTH_ROLE = "cloth"
 NETWORK_ROLE = "network"
 OBSTACLE_ROLE = "obstacle"
+REST_LENGTHS = "warpcloth:restLengths"  # attribute of such curves, one for each [m]
 _ROLE = "warpcloth:role"
 _NAME = "warpcloth:name"
 

@@ -1,0 +1,59 @@
+"""Checks of a stage as a whole: its metadata, and what the validators of others say."""
+
+from pathlib import Path
+
+from pxr import Usd, UsdValidation
+
+from .stage import PROVENANCE
+
+METADATA = (
+    "upAxis",
+    "metersPerUnit",
+    "kilogramsPerUnit",
+    "timeCodesPerSecond",
+    "framesPerSecond",
+    "startTimeCode",
+    "endTimeCode",
+    "defaultPrim",
+)
+NOT_FAULTS = ("UsdAsciiPerformanceChecker",)  # advises against .usda, which whoever asked for it wants
+
+
+def metadata_errors(stage: Usd.Stage, ours: bool) -> list[str]:
+    """What the stage leaves unsaid; ``ours``: it is a cache of warpcloth, which says where it comes from."""
+    errors = [f"The stage has no {key}." for key in METADATA if not stage.HasAuthoredMetadata(key)]
+    root = stage.GetDefaultPrim()
+    if root and not Usd.ModelAPI(root).GetKind():
+        errors.append(f"The default prim {root.GetPath()} has no kind.")
+    if stage.GetTimeCodesPerSecond() != stage.GetFramesPerSecond():
+        rates = f"{stage.GetTimeCodesPerSecond():g} time codes and {stage.GetFramesPerSecond():g} frames"
+        errors.append(f"The stage has {rates} per second; they must be equal.")
+    if ours and PROVENANCE not in stage.GetRootLayer().customLayerData:
+        errors.append(f"The stage has no provenance in customLayerData['{PROVENANCE}'].")
+    return errors
+
+
+def range_errors(stage: Usd.Stage, codes: list[float]) -> list[str]:
+    """Whether the stage's range of frames is that of its samples."""
+    if not codes or not stage.HasAuthoredTimeCodeRange():
+        return []
+    said, found = (stage.GetStartTimeCode(), stage.GetEndTimeCode()), (codes[0], codes[-1])
+    if said == found:
+        return []
+    return [f"The stage says frames {said[0]:g} to {said[1]:g}, but is sampled from {found[0]:g} to {found[1]:g}."]
+
+
+def validator_errors(stage: Usd.Stage, path: Path) -> list[str]:
+    """Messages of OpenUSD's validators, and of NVIDIA's where they are installed."""
+    context = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators())
+    return [error.GetMessage() for error in context.Validate(stage)] + _nvidia_errors(path)
+
+
+def _nvidia_errors(path: Path) -> list[str]:
+    try:
+        from usd_validation_nvidia import IssueSeverity, ValidationEngine
+    except ImportError:
+        return []
+    issues = ValidationEngine().validate(str(path)).issues()
+    faults = [i for i in issues if i.severity not in (IssueSeverity.NONE, IssueSeverity.INFO)]
+    return [i.message for i in faults if i.rule is None or i.rule.__name__ not in NOT_FAULTS]
