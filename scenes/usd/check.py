@@ -13,7 +13,7 @@ from ...errors import InputError, UsdError
 from ...obstacles import Obstacle
 from .check_samples import SampleCheck
 from .check_stage import metadata_errors, range_errors, validator_errors
-from .failures import as_usd_error
+from .failures import as_usd_error, quietly
 from .obstacle_reader import is_collider, read_obstacles
 from .opening import open_stage
 from .report import CheckReport, ClothCheck
@@ -37,7 +37,7 @@ def check_cache(path: str | os.PathLike, *, every: bool = False) -> CheckReport:
         UsdError: when the file cannot be read, or nothing in it has sampled points.
     """
     stage = open_stage(path)
-    with as_usd_error(f"Cannot read {path}"):
+    with as_usd_error(f"Cannot read {path}"), quietly():
         return _Check(Path(path), stage).report(every)
 
 

@@ -11,6 +11,7 @@ from .faces import face_fault, mesh_triangles
 from .opening import transform_codes, world_matrix
 from .report import ClothCheck
 from .roles import REST_LENGTHS, SPRINGS_ROLE, name_of, role_of
+from .samples import as_vectors
 from .surface import summed_area_vectors, summed_areas
 from .velocity_fit import VelocityFit
 
@@ -92,7 +93,7 @@ class SampleCheck:
         if rest is None:
             self._faults["has no rest pose: its points have no default value"] = []
             rest = attribute.Get(Usd.TimeCode.EarliestTime())
-        points = np.array([] if rest is None else rest, float).reshape(-1, 3)
+        points = as_vectors(rest)
         if not np.isfinite(points).all():
             self.finite = False
             self._faults["has points that are not finite"].append(REST)
@@ -150,7 +151,7 @@ class SampleCheck:
         value, name = attribute.Get(at), attribute.GetName()
         if value is None:
             return None  # the check of the time codes says so
-        vectors = np.array(value, float).reshape(-1, 3)
+        vectors = as_vectors(value)
         per_point = name != "normals" or self.shape.GetNormalsInterpolation() in PER_POINT
         if per_point and len(vectors) != self.count:
             self._faults[f"has {len(vectors)} {name} for {self.count} points"].append(at)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from pxr import Tf
+from pxr import Tf, UsdUtils
 
 from ...errors import UsdError
 
@@ -19,8 +19,20 @@ def as_usd_error(doing: str) -> Iterator[None]:
         yield
     except Tf.ErrorException as error:
         raise UsdError(f"{doing}: {reason(error)}.") from error
+    except UnicodeDecodeError as error:
+        raise UsdError(f"{doing}: the file is damaged, a name in it is not UTF-8 text.") from error
     except OSError as error:
         raise UsdError(f"{doing}: {error.strerror or error}.") from error
+
+
+@contextmanager
+def quietly() -> Iterator[None]:
+    """Keeps OpenUSD's warnings within the block off stderr, where what they are about is reported anyway."""
+    collected = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    finally:
+        del collected
 
 
 def reason(error: Exception) -> str:

@@ -13,6 +13,7 @@ from .faces import mesh_triangles
 from .opening import transform_codes, world_matrix
 from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
 from .roles import OBSTACLE_ROLE, name_of, numbers, role_of
+from .samples import as_vectors
 
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
 
@@ -101,7 +102,7 @@ def _rest_code(prim: Usd.Prim, codes: list[float]) -> Usd.TimeCode:
 
 
 def _points(mesh: UsdGeom.Mesh, code: Usd.TimeCode | float) -> np.ndarray:
-    return np.array(mesh.GetPointsAttr().Get(code) or np.zeros((0, 3)), np.float64)
+    return as_vectors(mesh.GetPointsAttr().Get(code))
 
 
 def _stretched(prim: Usd.Prim) -> UsdError:

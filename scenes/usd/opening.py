@@ -4,10 +4,10 @@ import os
 from pathlib import Path
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdUtils
+from pxr import Usd, UsdGeom
 
 from ...errors import UsdError
-from .failures import as_usd_error
+from .failures import as_usd_error, quietly
 
 READABLE = (".usd", ".usda", ".usdc", ".usdz")
 
@@ -27,11 +27,9 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
         raise UsdError(f"Cannot read {path}: the name of a USD file ends in {', '.join(READABLE[:-1])} or .usdz.")
     if file.stat().st_size == 0:
         raise UsdError(f"Cannot read {path}: the file is empty.")
-    collected = UsdUtils.CoalescingDiagnosticDelegate()  # warnings come back as errors of the checks, not on stderr
-    with as_usd_error(f"Cannot read {path}"):
+    with as_usd_error(f"Cannot read {path}"), quietly():
         stage = Usd.Stage.Open(str(file))
         stage.Reload()  # somebody in this process may hold an older state of the file
-    del collected
     return stage
 
 

@@ -1,4 +1,6 @@
-"""Arrays of vectors on their way into a stage."""
+"""Arrays of vectors on their way into a stage and out of it."""
+
+from typing import Any
 
 import numpy as np
 from pxr import Vt
@@ -29,3 +31,10 @@ def vectors(array: np.ndarray) -> Vt.Vec3fArray:
 def integers(array: np.ndarray) -> Vt.IntArray:
     """The elements of an array in row order."""
     return Vt.IntArray.FromNumpy(np.ascontiguousarray(array, np.int32).ravel())
+
+
+def as_vectors(value: Any) -> np.ndarray:
+    """A value as float64 of shape [n, 3]; empty if it holds anything but vectors."""
+    array = np.array([] if value is None else value)
+    fits = array.ndim == 2 and array.shape[1] == 3 and np.issubdtype(array.dtype, np.number)
+    return array.astype(float) if fits else np.zeros((0, 3))
