@@ -3,10 +3,9 @@
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from ...errors import UsdError
 from ..schema import Network
-from .samples import SAMPLE_OVERHEAD
-from .roles import NETWORK_ROLE, mark
+from .roles import NETWORK_ROLE, REST_LENGTHS, SPRINGS_ROLE, mark
+from .samples import SAMPLE_OVERHEAD, checked, integers, vectors
 from .stage import bind_color
 
 BALL = 5.0  # diameter of the heaviest particle's ball over that of a spring
@@ -29,7 +28,6 @@ class NetworkPrim:
         self.prim = UsdGeom.Xform.Define(stage, path).GetPrim()
         self.ends = np.asarray(network.springs).ravel()
         self.count = len(network.points)
-        mark(self.prim, NETWORK_ROLE, network.name)
         self.particles = UsdGeom.Points.Define(stage, path.AppendChild("particles"))
         self.particles.CreateIdsAttr(Vt.Int64Array(range(self.count)))
         balls = BALL * network.width * np.cbrt(network.masses / network.masses.max())
@@ -37,19 +35,25 @@ class NetworkPrim:
         self.particles.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
         self.springs = UsdGeom.BasisCurves.Define(stage, path.AppendChild("springs"))
         self.springs.CreateTypeAttr(UsdGeom.Tokens.linear)
-        self.springs.CreateCurveVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(network.springs), 2, np.int32)))
+        self.springs.CreateCurveVertexCountsAttr(integers(np.full(len(network.springs), 2)))
         self.springs.CreateWidthsAttr([network.width])
         self.springs.SetWidthsInterpolation(UsdGeom.Tokens.constant)
-        bind_color(self.particles.GetPrim(), PARTICLE_COLOR, roughness=0.4)
-        bind_color(self.springs.GetPrim(), SPRING_COLOR, roughness=0.4)
+        lengths = self.springs.GetPrim().CreateAttribute(REST_LENGTHS, Sdf.ValueTypeNames.DoubleArray)
+        lengths.Set(Vt.DoubleArray.FromNumpy(np.ascontiguousarray(network.rest_lengths, np.float64)))
+        for drawn, role, color in (
+            (self.particles, NETWORK_ROLE, PARTICLE_COLOR),
+            (self.springs, SPRINGS_ROLE, SPRING_COLOR),
+        ):
+            mark(drawn.GetPrim(), role, network.name)
+            bind_color(drawn.GetPrim(), color, roughness=0.4)
         self._set_points(self.checked(network.points, "points"), Usd.TimeCode.Default())
 
     def write(self, code: int, points: np.ndarray, velocities: np.ndarray) -> int:
         """Sets one frame: points [m] and velocities [m/s], shape [n, 3]; returns the bytes held in memory."""
         stored, speeds = self.checked(points, "points"), self.checked(velocities, "velocities")
         held = self._set_points(stored, code)
-        self.particles.GetVelocitiesAttr().Set(_vectors(speeds), code)
-        self.springs.GetVelocitiesAttr().Set(_vectors(speeds[self.ends]), code)
+        self.particles.GetVelocitiesAttr().Set(vectors(speeds), code)
+        self.springs.GetVelocitiesAttr().Set(vectors(speeds[self.ends]), code)
         return 2 * held
 
     def drop(self, code: int) -> None:
@@ -59,28 +63,15 @@ class NetworkPrim:
                 attribute.ClearAtTime(code)
 
     def checked(self, values: np.ndarray, what: str) -> np.ndarray:
-        """``values`` as stored.
-
-        Raises:
-            UsdError: when they are not one vector per particle.
-        """
-        array = np.asarray(values)
-        if array.shape != (self.count, 3):
-            name = self.prim.GetName()
-            raise UsdError(f"Network '{name}' needs {what} of shape ({self.count}, 3), got {array.shape}.")
-        with np.errstate(over="ignore"):  # becomes infinite, which is the caller's to notice
-            return np.ascontiguousarray(array, np.float32)
+        """``values`` as stored; UsdError when they are not one vector per particle."""
+        return checked(values, self.count, self.prim.GetName(), what)
 
     def _set_points(self, points: np.ndarray, code: Usd.TimeCode | int) -> int:
         held = 0
         for drawn, placed in ((self.particles, points), (self.springs, points[self.ends])):
-            stored = _vectors(placed)
+            stored = vectors(placed)
             drawn.GetPointsAttr().Set(stored, code)
             extent = type(drawn).ComputeExtent(stored, drawn.GetWidthsAttr().Get())
             drawn.CreateExtentAttr().Set(extent, code)
             held += placed.nbytes + 2 * SAMPLE_OVERHEAD
         return held
-
-
-def _vectors(array: np.ndarray) -> Vt.Vec3fArray:
-    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(array, np.float32))

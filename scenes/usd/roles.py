@@ -4,6 +4,7 @@ from pxr import Sdf, Usd
 
 CLOTH_ROLE = "cloth"
 NETWORK_ROLE = "network"
+SPRINGS_ROLE = "springs"  # the curves that show a network
 OBSTACLE_ROLE = "obstacle"
 REST_LENGTHS = "warpcloth:restLengths"  # attribute of such curves, one for each [m]
 _ROLE = "warpcloth:role"
@@ -11,7 +12,7 @@ _NAME = "warpcloth:name"
 
 
 def mark(prim: Usd.Prim, role: str, name: str) -> None:
-    """Notes on ``prim`` that it is a cloth, a network or an obstacle, and its name before it became a prim name."""
+    """Notes on ``prim`` what it is, and its name before it became a prim name."""
     prim.SetCustomDataByKey(_ROLE, role)
     prim.SetCustomDataByKey(_NAME, name)
 
