@@ -1,0 +1,171 @@
+"""One scheme on one problem with one step: what it costs and how far off it ends."""
+
+import math
+import statistics
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcloth import Simulation
+from warpcloth.errors import SimulationError
+
+from .problems import Problem, Solution
+
+LARGEST_FRAME = 16  # steps that share a graph; more make capturing slow and replay hardly faster
+REPEAT_BELOW = 0.3  # [s] shorter runs are timed three times, unless they fail
+HOPELESS = 1e3  # relative error of a run that has diverged
+
+
+@dataclass(frozen=True)
+class Run:
+    """Outcome of one run.
+
+    Attributes:
+        steps: integrator steps taken. step: their length [s].
+        evaluations: force evaluations. iterations: of the scheme's solver, each about one force evaluation of work.
+        wall_s: median wall time [s], compilation and graph capture excluded. repeats: how many were timed.
+        position_error, velocity_error: relative to the way and to the speed of the reference; infinite if diverged.
+    """
+
+    steps: int
+    step: float
+    evaluations: int
+    iterations: int
+    wall_s: float
+    repeats: int
+    position_error: float
+    velocity_error: float
+
+    @property
+    def work(self) -> int:
+        """Force evaluations and solver iterations."""
+        return self.evaluations + self.iterations
+
+    @property
+    def diverged(self) -> bool:
+        """Whether it ended without finite numbers, or further off than the whole way."""
+        return not self.position_error < HOPELESS
+
+
+def split(steps: int) -> tuple[int, int]:
+    """Frames, and steps per frame, that make ``steps`` steps."""
+    substeps = max(n for n in range(1, min(steps, LARGEST_FRAME) + 1) if steps % n == 0)
+    return steps // substeps, substeps
+
+
+def compile_seconds(problem: Problem, integrator: str, options: dict | None = None) -> float:
+    """Loads or compiles all kernels that a run needs, which later ones then find; the time that took [s]."""
+    begun = time.perf_counter()
+    with beyond_limits():
+        try_step(problem.simulation(integrator, 1, options), 1e-6)
+    wp.synchronize()
+    return time.perf_counter() - begun
+
+
+def rewind(sim: Simulation) -> None:
+    """Back to the start, with kernels loaded and graphs kept."""
+    wp.copy(sim.state.particle_q, sim.model.particle_q)
+    wp.copy(sim.state.particle_qd, sim.model.particle_qd)
+    sim.state.world_time.zero_()
+    sim.state.forces_current = False
+    sim.integrator.reset()
+    sim.time = 0.0
+
+
+@contextmanager
+def beyond_limits() -> Iterator[None]:
+    """Unstable steps and overflow are part of the experiment: no warnings about them."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
+
+
+def measure(problem: Problem, integrator: str, steps: int, truth: Solution, options: dict | None = None) -> Run:
+    """Runs ``problem`` to its end with ``steps`` steps."""
+    frames, substeps = split(steps)
+    with beyond_limits():
+        sim = problem.simulation(integrator, substeps, options)
+        dt = problem.end / frames
+        per_frame = _warm_up(sim, dt)
+        times: list[float] = []
+        errors = (0.0, 0.0)
+        while not times or (len(times) < 3 and times[0] < REPEAT_BELOW and errors[0] < HOPELESS):
+            rewind(sim)
+            counted = Work.of(sim)
+            times.append(_timed(sim, frames, dt))
+            work = per_frame.times(frames) if sim.graph else Work.of(sim).minus(counted)
+            errors = errors_of(sim, truth)
+    return Run(frames * substeps, dt / substeps, *work, statistics.median(times), len(times), *errors)
+
+
+class Work(tuple):
+    """Force evaluations and solver iterations."""
+
+    @classmethod
+    def of(cls, sim: Simulation) -> "Work":
+        """Done so far by ``sim``, launches of graphs not counted."""
+        return cls((sim.forces.evaluations, 0))
+
+    def minus(self, other: "Work") -> "Work":
+        """Done since."""
+        return Work(a - b for a, b in zip(self, other, strict=True))
+
+    def times(self, count: int) -> "Work":
+        """Done by ``count`` frames like this."""
+        return Work(a * count for a in self)
+
+
+def _warm_up(sim: Simulation, dt: float) -> Work:
+    """Compiles and loads the kernels, then captures the frame; the work of one frame."""
+    before = Work.of(sim)
+    try_step(sim, dt)
+    work = Work.of(sim).minus(before)
+    if sim.graph:
+        rewind(sim)
+        try_step(sim, dt)
+    return work
+
+
+def try_step(sim: Simulation, dt: float) -> bool:
+    """One frame; whether the scheme got through it."""
+    try:
+        sim.step(dt)
+    except SimulationError:  # a solver gave up: as good as diverged
+        sim.state.particle_q.fill_(math.nan)
+        return False
+    return True
+
+
+def _timed(sim: Simulation, frames: int, dt: float) -> float:
+    wp.synchronize_device(sim.model.device)
+    begun = time.perf_counter()
+    for _ in range(frames):
+        if not try_step(sim, dt):
+            break
+    wp.synchronize_device(sim.model.device)
+    return time.perf_counter() - begun
+
+
+def solution(sim: Simulation) -> Solution:
+    """Positions [m] and velocities [m/s] now."""
+    return sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()
+
+
+def errors_of(sim: Simulation, truth: Solution) -> tuple[float, float]:
+    """Errors of position and velocity, relative to the way from the start and to the speed of ``truth``."""
+    (x, v), start = solution(sim), sim.model.particle_q.numpy()
+    with np.errstate(all="ignore"):
+        scales = np.linalg.norm(truth[0] - start), np.linalg.norm(truth[1])
+        errors = [float(np.linalg.norm(a - b) / c) for a, b, c in zip((x, v), truth, scales, strict=True)]
+    return (errors[0], errors[1]) if all(math.isfinite(e) for e in errors) else (math.inf, math.inf)
+
+
+def as_dict(run: Run) -> dict[str, Any]:
+    """For JSON."""
+    return {**run.__dict__, "work": run.work, "diverged": run.diverged}

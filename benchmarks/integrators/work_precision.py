@@ -1,0 +1,63 @@
+"""Work–precision: the error of each scheme against what it costs, over a range of steps."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from warpcloth import stability
+
+from .problems import Problem
+from .reference import Reference
+from .runs import Run, as_dict, measure
+
+EXACT_ENOUGH = 1e-10
+ASYMPTOTIC = 0.02  # relative error below which the leading term of the error rules
+
+
+def sweep(problem: Problem, integrator: str, truth: Reference, budget: float, halvings: int) -> list[Run]:
+    """Runs with steps halved, from the coarsest that can be stable.
+
+    The last is the one whose error is as small as the reference can show, or the last before ``budget`` [s] of wall
+    time or ``halvings`` (of steps that do not diverge) run out.
+    """
+    runs: list[Run] = []
+    floor = max(EXACT_ENOUGH, truth.uncertainty)
+    steps = first_steps(problem, integrator)
+    while halvings >= 0:
+        runs.append(measure(problem, integrator, steps, truth.solution))
+        spent = runs[-1].wall_s * runs[-1].repeats
+        budget -= spent
+        if runs[-1].position_error < floor or (2.0 * spent > budget and not runs[-1].diverged):
+            break
+        steps *= 2
+        halvings -= not runs[-1].diverged
+    return runs
+
+
+def first_steps(problem: Problem, integrator: str) -> int:
+    """Steps of the coarsest run: of ``problem.first_step``, halved to at most twice what is known to be stable."""
+    sim = problem.simulation(integrator, 1)
+    longest = min(problem.first_step, 2.0 * stability.largest_stable_step(sim.model, sim.integrator))
+    coarsest = max(1, round(problem.end / problem.first_step))
+    return coarsest * 2 ** max(0, math.ceil(math.log2(problem.end / coarsest / longest) - 1e-9))
+
+
+def observed_order(runs: Sequence[Run], truth: Reference) -> float | None:
+    """Slope of the error between the two finest runs that the reference is at least 30 times better than; or None."""
+    low = max(30.0 * truth.uncertainty, 30.0 * EXACT_ENOUGH)
+    good = [run for run in runs if low < run.position_error < ASYMPTOTIC]
+    if len(good) < 2:
+        return None
+    coarse, fine = good[-2:]
+    return math.log(coarse.position_error / fine.position_error) / math.log(fine.steps / coarse.steps)
+
+
+def cheapest(runs: Sequence[dict[str, Any]], error: float) -> dict[str, Any] | None:
+    """The run of least wall time that is at least as accurate as ``error``, or None."""
+    good = [run for run in runs if run["position_error"] is not None and run["position_error"] <= error]
+    return min(good, key=lambda run: run["wall_s"]) if good else None
+
+
+def as_rows(runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """For JSON."""
+    return [as_dict(run) for run in runs]
