@@ -30,7 +30,7 @@ def write_plots(results: dict[str, Any], folder: Path) -> list[Path]:
         if results["stability"]:
             written.append(_save(plt, _stability(plt, results["stability"], schemes), folder / "stability.png"))
         if results["iterations"]:
-            written.append(_save(plt, _iterations(plt, results["iterations"], schemes), folder / "iterations.png"))
+            written.append(_save(plt, _iterations(plt, results["iterations"]), folder / "iterations.png"))
     return written
 
 
@@ -57,7 +57,7 @@ def _work_precision(plt: Any, found: dict[str, Any], schemes: dict[str, Any]) ->
     axes[0].set_ylabel("relative error of positions")
     _slopes(axes[0], schemes, shown)
     figure.suptitle(f"{found['title']}: error at {found['end']:g} s", fontsize=15)
-    legend(figure, axes, schemes, shown)
+    legend(figure, shown)
     return figure
 
 
@@ -103,7 +103,7 @@ def _energy(plt: Any, found: dict[str, Any], schemes: dict[str, Any]) -> Any:
         ax.set_xlabel("time [s]")
     axes[0][0].set_ylabel("change of total energy, relative")
     figure.suptitle(f"{found['title']}, undamped, every step {1e3 * found['step']:g} ms", fontsize=15)
-    legend(figure, axes, schemes, list(schemes))
+    legend(figure, schemes)
     return figure
 
 
@@ -141,9 +141,9 @@ def _bar(ax: Any, place: int, row: dict[str, Any], color: str, right: float) -> 
         ax.plot([theory, theory], [place - 0.42, place + 0.42], color="black", linewidth=2.2, solid_capstyle="butt")
 
 
-def _iterations(plt: Any, found: dict[str, Any], schemes: dict[str, Any]) -> Any:
+def _iterations(plt: Any, found: dict[str, Any]) -> Any:
     figure, axes = plt.subplots(1, 2, figsize=(11, 5.0), sharey=True, layout="constrained")
-    styles = looks(schemes)
+    styles = looks(found["schemes"])
     for name, rows in found["schemes"].items():
         errors = [row["error"] for row in rows]
         axes[0].loglog([row["iterations"] for row in rows], errors, **styles[name])
@@ -152,5 +152,5 @@ def _iterations(plt: Any, found: dict[str, Any], schemes: dict[str, Any]) -> Any
     axes[1].set_xlabel("wall time of the step [ms]")
     axes[0].set_ylabel("distance from Newton's solution, relative")
     figure.suptitle(f"{found['title']}: one implicit step of {1e3 * found['step']:.3g} ms", fontsize=15)
-    legend(figure, axes, schemes, list(found["schemes"]))
+    legend(figure, found["schemes"])
     return figure

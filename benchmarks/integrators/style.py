@@ -1,11 +1,12 @@
 """How schemes look in all plots: a colour and a marker each, a line style per family."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from typing import Any
 
+from warpcloth import integrators
 from warpcloth.errors import MissingExtraError
 
-from .families import EXPLICIT, FAMILIES, IMPLICIT, ITERATED, SYMPLECTIC
+from .families import EXPLICIT, FAMILIES, IMPLICIT, ITERATED, SYMPLECTIC, family
 
 # Hues that stay apart in print and for colour-blind readers, after Okabe and Ito (2008) and Tol (2021).
 COLORS = {
@@ -53,15 +54,16 @@ def pyplot() -> Any:
     return plt
 
 
-def looks(schemes: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Keywords of ``Axes.plot`` by scheme; ``schemes`` are their traits with ``family``.
+def looks(shown: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Keywords of ``Axes.plot`` by scheme, family by family.
 
-    They depend on a scheme's place among all schemes of its family, so that they are the same in every plot of a run.
+    They depend on a scheme's place among all schemes of its family, so that they are the same in every plot.
     """
     found: dict[str, dict[str, Any]] = {}
+    known, wanted = integrators(), set(shown)
     for kind in FAMILIES:
-        names = [name for name, traits in schemes.items() if traits["family"] == kind]
-        for place, name in enumerate(names):
+        names = [name for name, info in known.items() if family(info) == kind]
+        for place, name in [item for item in enumerate(names) if item[1] in wanted]:
             colors = COLORS[kind]
             found[name] = {
                 "label": name,
@@ -74,13 +76,13 @@ def looks(schemes: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]
     return found
 
 
-def legend(figure: Any, axes: Any, schemes: Mapping[str, Mapping[str, Any]], shown: list[str]) -> None:
+def legend(figure: Any, shown: Iterable[str]) -> None:
     """One legend to the right of all axes: the schemes that are shown, under the names of their families."""
     from matplotlib.lines import Line2D
 
-    styles, handles = looks(schemes), []
+    styles, known, handles = looks(shown), integrators(), []
     for kind in FAMILIES:
-        members = [name for name in schemes if schemes[name]["family"] == kind and name in shown]
+        members = [name for name in styles if family(known[name]) == kind]
         if members:
             handles.append(Line2D([], [], linestyle="none", label=rf"$\bf{{{kind.replace(' ', '~')}}}$"))
         handles += [Line2D([], [], **styles[name]) for name in members]
