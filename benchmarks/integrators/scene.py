@@ -28,4 +28,4 @@ def _model(scene: Scene) -> Model:
     if net is None:
         return Model.build(*scene.build(), precision="float64", device="cpu")
     laws = (net.springs, net.rest_lengths, net.k_s, net.k_d)
-    return Model.from_springs(net.positions, net.masses, *laws, net.pinned, precision="float64", device="cpu")
+    return Model.from_springs(net.points, net.masses, *laws, net.pinned, precision="float64", device="cpu")
