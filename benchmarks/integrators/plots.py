@@ -10,8 +10,9 @@ import numpy as np
 from .families import FAMILIES
 from .style import SETTINGS, legend, looks, pyplot
 
+PATCH = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
 WORST = 2.0  # relative errors beyond this are left out: nothing is right there
-LINEAR_ENERGY = 1e-4  # below this the energy axis is linear, so that it can cross zero
+LOWEST_ENERGY, HIGHEST_ENERGY = 1e-9, 3.0  # ends of the energy axis
 
 
 def write_plots(results: dict[str, Any], folder: Path) -> list[Path]:
@@ -53,6 +54,7 @@ def _work_precision(plt: Any, found: dict[str, Any], schemes: dict[str, Any]) ->
     for ax, (_, label, _) in zip(axes, columns, strict=True):
         ax.set_xlabel(label)
         _mark_uncertainty(ax, found["reference"]["uncertainty"])
+    _mark_real_time(axes[2], 1e3 * found["end"])
     axes[0].invert_xaxis()
     axes[0].set_ylabel("relative error of positions")
     _slopes(axes[0], schemes, shown)
@@ -69,6 +71,17 @@ def _mark_uncertainty(ax: Any, uncertainty: float) -> None:
     ax.set_ylim(bottom, top)
 
 
+def _mark_real_time(ax: Any, milliseconds: float) -> None:
+    """A line where a run takes as long as what it simulates."""
+    left, right = ax.get_xlim()
+    if left < milliseconds < right:
+        ax.axvline(milliseconds, color="#999999", linewidth=1.0)
+        ax.annotate(
+            "real time ", (milliseconds, 0.02), xycoords=("data", "axes fraction"), rotation=90, fontsize=9,
+            color="#777777", ha="right", va="bottom",
+        )  # fmt: skip
+
+
 def _slopes(ax: Any, schemes: dict[str, Any], shown: Sequence[str]) -> None:
     """Thin grey lines with the slopes of the orders that are there, from the upper left corner."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()  # the axis of steps runs from large to small
@@ -78,33 +91,45 @@ def _slopes(ax: Any, schemes: dict[str, Any], shown: Sequence[str]) -> None:
         ax.plot(x, y, color="#AAAAAA", linewidth=0.9, linestyle=":", zorder=1)
         height = max(bottom * 3.0, 0.5 * top * (right / left) ** order)
         place = left * (height / (0.5 * top)) ** (1.0 / order)
-        ax.annotate(f"order {order}", (place, height), color="#777777", fontsize=9, ha="right", va="bottom")
+        ax.annotate(f"order {order}", (place, height), color="#777777", fontsize=9, ha="right", va="bottom", bbox=PATCH)
     ax.set_xlim(left, right)
     ax.set_ylim(bottom, top)
 
 
 def _energy(plt: Any, found: dict[str, Any], schemes: dict[str, Any]) -> Any:
+    """Envelopes of |change|, which stay level where energy only oscillates, in a panel for each family."""
     present = [kind for kind in FAMILIES if any(traits["family"] == kind for traits in schemes.values())]
-    size = (3.9 * len(present) + 1.0, 4.6)
+    size = (3.9 * len(present) + 1.0, 4.8)
     figure, axes = plt.subplots(1, len(present), figsize=size, sharey=True, layout="constrained", squeeze=False)
-    styles = looks(schemes)
+    for name, style in looks(schemes).items():
+        row, ax = found["schemes"][name], axes[0][present.index(schemes[name]["family"])]
+        envelope = _envelope(row["energy"])
+        ax.semilogy(row["times"], envelope, **{**style, "marker": None, "linestyle": "-"})
+        end = {"marker": _tendency(row), "markersize": 9, "clip_on": False, "zorder": 5}
+        if envelope[-1] <= HIGHEST_ENERGY:
+            ax.plot(row["times"][-1], envelope[-1], **{**style, **end, "label": None})
     for ax, kind in zip(axes[0], present, strict=True):
-        for name in [name for name, traits in schemes.items() if traits["family"] == kind]:
-            row = found["schemes"][name]
-            energy = np.clip(np.nan_to_num(row["energy"], nan=1e3, posinf=1e3), -1e3, 1e3)
-            ax.plot(row["times"], energy, **{**styles[name], "marker": None})
-            if not row["complete"]:
-                ax.plot(row["times"][-1], energy[-1], **{**styles[name], "markersize": 9})
-        ax.axhline(0.0, color="black", linewidth=0.7)
-        ax.set_yscale("symlog", linthresh=LINEAR_ENERGY)
-        ax.set_ylim(-3.0, 3.0)
-        ax.set_xlim(0.0, found["end"])
-        ax.set_title(kind)
-        ax.set_xlabel("time [s]")
-    axes[0][0].set_ylabel("change of total energy, relative")
-    figure.suptitle(f"{found['title']}, undamped, every step {1e3 * found['step']:g} ms", fontsize=15)
+        ax.set(ylim=(LOWEST_ENERGY, HIGHEST_ENERGY), xlim=(0.0, found["end"]), title=kind, xlabel="time [s]")
+    axes[0][0].set_ylabel("|change of total energy|, relative")
+    figure.suptitle(
+        f"{found['title']}, undamped, all steps {1e3 * found['step']:g} ms (▲ gains, ▼ loses energy)", fontsize=15
+    )
     legend(figure, schemes)
     return figure
+
+
+def _envelope(energy: np.ndarray) -> np.ndarray:
+    """Largest |change| within a twentieth of the run."""
+    size = np.nan_to_num(np.abs(energy), nan=1e9, posinf=1e9)
+    width = max(1, len(size) // 20)
+    return np.array([size[max(0, k - width) : k + 1].max() for k in range(len(size))])
+
+
+def _tendency(row: dict[str, Any]) -> str:
+    """Marker: up or down where the mean at the end is most of the change, else a dot."""
+    if abs(row["trend"]) < 0.4 * row["largest"]:
+        return "o"
+    return "^" if row["trend"] > 0.0 else "v"
 
 
 def _stability(plt: Any, systems: dict[str, Any], schemes: dict[str, Any]) -> Any:

@@ -128,13 +128,16 @@ def stiff_cloth(count: int = 17) -> Problem:
 
 
 def drape_on_sphere(count: int = 25) -> Problem:
-    """Cotton of 0.6 m × 0.6 m falls on a sphere of radius 0.15 m and begins to drape; with friction."""
+    """Cotton of 0.6 m × 0.6 m, laid on a sphere of radius 0.15 m, begins to drape; with friction.
+
+    Contact and folds amplify differences a hundredfold within 0.2 s more, so there is no truth to compare with later.
+    """
 
     def build(damped: bool) -> Model:
-        cloth = Cloth.grid((0.6, 0.6), (count, count), Fabric(damping_time=5e-4 * damped), transform=(0, 0, 0.2))
+        cloth = Cloth.grid((0.6, 0.6), (count, count), Fabric(damping_time=5e-4 * damped), transform=(0, 0, 0.155))
         return _cloth(cloth, Sphere((0, 0, 0), 0.15))
 
-    return Problem("drape_on_sphere", f"Drape on a sphere, {count} × {count}", build, 0.4, 1 / 60, contact=True)
+    return Problem("drape_on_sphere", f"Drape on a sphere, {count} × {count}", build, 0.25, 1 / 60, contact=True)
 
 
 PROBLEMS: dict[str, Callable[[], Problem]] = {

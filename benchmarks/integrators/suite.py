@@ -29,7 +29,7 @@ class Effort:
         full duration. iterations: of one scheme's approach to Newton. halvings: most halvings of a stable step.
     """
 
-    sweep: float = 2.0
+    sweep: float = 1.5
     reference: float = 8.0
     drift: float = 6.0
     drift_share: float = 1.0

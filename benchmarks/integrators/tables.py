@@ -24,33 +24,33 @@ def _precision_table(results: dict[str, Any], problem: str) -> Table:
     found = results["problems"][problem]
     truth = found["reference"]
     known = "closed form" if truth["uncertainty"] == 0.0 else f"{truth['method']}, known to {truth['uncertainty']:.0e}"
-    title = f"{found['title']}: errors at {found['end']:g} s relative to the way moved (reference: {known})"
-    costs = [text for goal in GOALS for text in (f"work {100 * goal:g}%", "ms")]
-    table = _table(title, "integrator", "order", f"step {100 * GOALS[0]:g}%", *costs, "best")
+    title = f"{found['title']}: errors at {found['end']:g} s relative to the way moved; times and steps in ms\n(reference: {known})"
+    costs = [text for goal in GOALS for text in (f"work\n{100 * goal:g} %", f"time\n{100 * goal:g} %")]
+    table = _table(title, "integrator", "order\n(theory)", f"step\n{100 * GOALS[0]:g} %", *costs, "least\nerror")
     for name, row in found["schemes"].items():
         runs, cells, theory = row["runs"], [], results["schemes"][name]["order"]
         for goal in GOALS:
             run = cheapest(runs, goal)
-            cells += ["–", "–"] if run is None else [f"{run['work']:,}", f"{1e3 * run['wall_s']:.3g}"]
+            cells += ["–", "–"] if run is None else [f"{run['work']:,}", _milliseconds(run["wall_s"])]
         coarse = [run["step"] for run in runs if run["position_error"] <= GOALS[0]]
         least = min(run["position_error"] for run in runs)
         order = f"{row['order']:.2f} ({theory})" if row["order"] is not None else f"({theory})"
-        step = f"{1e3 * max(coarse):.3g} ms" if coarse else "–"
+        step = _milliseconds(max(coarse)) if coarse else "–"
         table.add_row(name, order, step, *cells, _short(least))
     return table
 
 
 def _drift_table(results: dict[str, Any]) -> Table:
     problems = results["drift"]
-    heads = [f"{found['title']}, {found['end']:g} s" for found in problems.values()]
-    title = "Energy of undamped motion: largest change, and mean change at the end, in % of the energy in play"
+    heads = [f"{found['title']}\n{found['end']:g} s" for found in problems.values()]
+    title = "Energy of undamped motion, changes in % of the energy in play: the largest / the mean at the end"
     table = _table(title, "integrator", *heads)
     for name in results["schemes"]:
         cells = []
         for found in problems.values():
             row = found["schemes"][name]
-            cut = "" if row["complete"] else f" (until {row['times'][-1]:.3g} s)"
-            cells.append(f"{_percent(row['largest'])}, {_percent(row['trend'])}{cut}")
+            cut = "" if row["complete"] else f" at {row['times'][-1]:.2g} s"
+            cells.append(f"{_percent(row['largest'])} / {_percent(row['trend'])}{cut}")
         table.add_row(name, *cells)
     return table
 
@@ -92,8 +92,13 @@ def _short(value: float) -> str:
     return f"{value:.1e}" if math.isfinite(value) else "diverged"
 
 
+def _milliseconds(seconds: float) -> str:
+    value = 1e3 * seconds
+    return f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
 def _percent(value: float) -> str:
-    return f"{100.0 * value:+.2g} %" if math.isfinite(value) and abs(value) < 10.0 else "blows up"
+    return f"{100.0 * value:+.2g}" if abs(value) < 1.0 else "lost" if value < 0.0 else "> 100"
 
 
 def _limit(value: float) -> str:

@@ -18,19 +18,20 @@ def sweep(problem: Problem, integrator: str, truth: Reference, budget: float, ha
     """Runs with steps halved, from the coarsest that can be stable.
 
     The last is the one whose error is as small as the reference can show, or the last before ``budget`` [s] of wall
-    time or ``halvings`` (of steps that do not diverge) run out.
+    time (three times that for the first three stable runs) or ``halvings`` of stable steps run out.
     """
     runs: list[Run] = []
+    stable, most = 0, 3.0 * budget
     floor = max(EXACT_ENOUGH, truth.uncertainty)
     steps = first_steps(problem, integrator)
-    while halvings >= 0:
+    while stable <= halvings:
         runs.append(measure(problem, integrator, steps, truth.solution))
-        spent = runs[-1].wall_s * runs[-1].repeats
-        budget -= spent
-        if runs[-1].position_error < floor or (2.0 * spent > budget and not runs[-1].diverged):
+        spent = runs[-1].wall_s
+        budget, most = budget - spent, most - spent
+        stable += not runs[-1].diverged
+        if runs[-1].position_error < floor or 2.0 * spent > (budget if stable >= 3 else most):
             break
         steps *= 2
-        halvings -= not runs[-1].diverged
     return runs
 
 
