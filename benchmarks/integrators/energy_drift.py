@@ -2,10 +2,12 @@
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from warpcloth import Simulation
+from warpcloth.integrators import INTEGRATORS
 
 from .problems import Problem
 from .runs import beyond_limits, try_step
@@ -38,6 +40,12 @@ class Drift:
         return float(self.energy[-max(1, len(self.energy) // 10) :].mean())
 
 
+def _steps_as_given(integrator: str) -> dict[str, Any]:
+    """Options that keep an adaptive scheme from choosing steps of its own."""
+    cls = INTEGRATORS[integrator]
+    return dict(cls.convergence_options) if cls.adaptive else {}
+
+
 def drift(problem: Problem, integrator: str, budget: float, end: float | None = None) -> Drift:
     """Undamped motion for ``end`` [s] (by default the problem's ``drift_end``), or ``budget`` [s] of wall time."""
     end = problem.drift_end if end is None else end
@@ -46,7 +54,10 @@ def drift(problem: Problem, integrator: str, budget: float, end: float | None = 
     dt = substeps * problem.drift_step
     with beyond_limits():
         model = problem.build(False)
-        sim = Simulation(model, integrator, gravity=problem.gravity, substeps=substeps, contact=False, check=False)
+        sim = Simulation(
+            model, integrator, gravity=problem.gravity, substeps=substeps, contact=False, check=False,
+            integrator_options=_steps_as_given(integrator),
+        )  # fmt: skip
         start = sim.energy()["total"]
         energy = [0.0]
         begun = time.perf_counter()

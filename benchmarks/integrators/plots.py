@@ -136,7 +136,8 @@ def _stability(plt: Any, systems: dict[str, Any], schemes: dict[str, Any]) -> An
     figure, axes = plt.subplots(
         1, len(systems), figsize=(13, 1.4 + 0.36 * len(schemes)), sharey=True, layout="constrained", squeeze=False
     )
-    styles, names = looks(schemes), list(looks(schemes))[::-1]
+    styles = looks(schemes)
+    names = [name for name in styles if not schemes[name]["adaptive"]][::-1]
     titles = {"spring": "one spring, damping ratio 0.05", "sheet": "sheet of 9 × 9 vertices"}
     for ax, (system, rows) in zip(axes[0], systems.items(), strict=True):
         finite = [rows[name]["omega_dt"] for name in names if 0.0 < rows[name]["omega_dt"] < math.inf]

@@ -6,7 +6,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -27,8 +27,9 @@ class Run:
     """Outcome of one run.
 
     Attributes:
-        steps: integrator steps taken. step: their length [s].
-        evaluations: force evaluations. iterations: of the scheme's solver, each about one force evaluation of work.
+        steps: integrator steps taken, by adaptive schemes those they accepted. step: their length [s].
+        evaluations: force evaluations. iterations: of a scheme's linear solver, each about as much work as one of them.
+        unconverged: steps whose solver gave up.
         wall_s: median wall time [s], compilation and graph capture excluded. repeats: how many were timed.
         position_error, velocity_error: relative to the way and to the speed of the reference; infinite if diverged.
     """
@@ -37,6 +38,7 @@ class Run:
     step: float
     evaluations: int
     iterations: int
+    unconverged: int
     wall_s: float
     repeats: int
     position_error: float
@@ -92,44 +94,60 @@ def measure(problem: Problem, integrator: str, steps: int, truth: Solution, opti
     with beyond_limits():
         sim = problem.simulation(integrator, substeps, options)
         dt = problem.end / frames
-        per_frame = _warm_up(sim, dt)
+        first = _warm_up(sim, dt)
         times: list[float] = []
         errors = (0.0, 0.0)
         while not times or (len(times) < 3 and times[0] < REPEAT_BELOW and errors[0] < HOPELESS):
             rewind(sim)
-            counted = Work.of(sim)
+            before = Counts.of(sim)
             times.append(_timed(sim, frames, dt))
-            work = per_frame.times(frames) if sim.graph else Work.of(sim).minus(counted)
+            counts = Counts.of(sim).since(before)
             errors = errors_of(sim, truth)
-    return Run(frames * substeps, dt / substeps, *work, statistics.median(times), len(times), *errors)
+    taken = counts.accepted or frames * substeps
+    evaluations = counts.all_evaluations(first, frames) if sim.graph else counts.evaluations
+    work = (evaluations, counts.linear, counts.unconverged)
+    return Run(taken, problem.end / taken, *work, statistics.median(times), len(times), *errors)
 
 
-class Work(tuple):
-    """Force evaluations and solver iterations."""
+@dataclass(frozen=True)
+class Counts:
+    """What was done: force evaluations (those in graphs not counted), Newton and linear solver iterations, steps whose
+    solver gave up, and steps that an adaptive scheme accepted."""
+
+    evaluations: int
+    newton: int
+    linear: int
+    unconverged: int
+    accepted: int
 
     @classmethod
-    def of(cls, sim: Simulation) -> "Work":
-        """Done so far by ``sim``, launches of graphs not counted."""
-        return cls((sim.forces.evaluations, 0))
+    def of(cls, sim: Simulation) -> "Counts":
+        """Since ``sim`` was made."""
+        said = sim.integrator.metrics()
+        names = ("newton_iterations_total", "cg_iterations_total", "unconverged_steps", "accepted_steps")
+        return cls(sim.forces.evaluations, *[int(said.get(name, 0)) for name in names])
 
-    def minus(self, other: "Work") -> "Work":
-        """Done since."""
-        return Work(a - b for a, b in zip(self, other, strict=True))
+    def since(self, before: "Counts") -> "Counts":
+        """The difference to earlier counts."""
+        return Counts(*[a - b for a, b in zip(astuple(self), astuple(before), strict=True)])
 
-    def times(self, count: int) -> "Work":
-        """Done by ``count`` frames like this."""
-        return Work(a * count for a in self)
+    def all_evaluations(self, first: "Counts", frames: int) -> int:
+        """Evaluations in graphs: as many per frame, or per Newton iteration, as in the ``first`` frame."""
+        if first.newton:
+            return round(first.evaluations * self.newton / first.newton)
+        return first.evaluations * frames
 
 
-def _warm_up(sim: Simulation, dt: float) -> Work:
-    """Compiles and loads the kernels, then captures the frame; the work of one frame."""
-    before = Work.of(sim)
-    try_step(sim, dt)
-    work = Work.of(sim).minus(before)
+def _warm_up(sim: Simulation, dt: float) -> Counts:
+    """Loads the kernels and captures the frame; what one frame counted."""
+    before = Counts.of(sim)
+    if sim.graph:
+        try_step(sim, dt)
+    first = Counts.of(sim).since(before)
     if sim.graph:
         rewind(sim)
         try_step(sim, dt)
-    return work
+    return first
 
 
 def try_step(sim: Simulation, dt: float) -> bool:

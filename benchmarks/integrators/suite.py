@@ -110,19 +110,20 @@ def run_suite(selection: Selection, progress: Progress = lambda text: None) -> d
 def measurements(selection: Selection) -> int:
     """How often :func:`run_suite` will report progress."""
     per_scheme = len(selection.problems) + sum(p.drift_end > 0.0 for p in selection.problems)
-    general = len(_iterated(selection.schemes)) + len(stability_limit.SYSTEMS) * len(selection.schemes)
+    general = len(_iterated(selection.schemes)) + len(stability_limit.SYSTEMS) * len(_fixed(selection.schemes))
     return len(selection.schemes) * per_scheme + len(selection.problems) + general * selection.properties
 
 
 def _precision(problem: Problem, selection: Selection, progress: Progress) -> dict[str, Any]:
     progress(f"{problem.title}: reference")
     truth = reference(problem, selection.effort.reference)
-    rows = {}
+    known, rows = wc.integrators(), {}
     for name in selection.schemes:
         progress(f"{problem.title}: {name}")
         compile_s = compile_seconds(problem, name)
         runs = sweep(problem, name, truth, selection.effort.sweep, selection.effort.halvings)
-        rows[name] = {"compile_s": compile_s, "order": observed_order(runs, truth), "runs": as_rows(runs)}
+        order = None if known[name].adaptive else observed_order(runs, truth)
+        rows[name] = {"compile_s": compile_s, "order": order, "runs": as_rows(runs)}
     model = problem.build(True)
     return {
         "title": problem.title,
@@ -147,10 +148,15 @@ def _drift(problem: Problem, selection: Selection, progress: Progress) -> dict[s
 def _stability(schemes: Sequence[str], progress: Progress) -> dict[str, Any]:
     rows: dict[str, Any] = {system: {} for system in stability_limit.SYSTEMS}
     for system in rows:
-        for name in schemes:
+        for name in _fixed(schemes):
             progress(f"Largest stable step, {system}: {name}")
             rows[system][name] = stability_limit.as_row(stability_limit.limit(system, name))
     return rows
+
+
+def _fixed(schemes: Sequence[str]) -> list[str]:
+    known = wc.integrators()
+    return [name for name in schemes if not known[name].adaptive]
 
 
 def _iterated(schemes: Sequence[str]) -> list[str]:

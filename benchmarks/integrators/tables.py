@@ -24,7 +24,8 @@ def _precision_table(results: dict[str, Any], problem: str) -> Table:
     found = results["problems"][problem]
     truth = found["reference"]
     known = "closed form" if truth["uncertainty"] == 0.0 else f"{truth['method']}, known to {truth['uncertainty']:.0e}"
-    title = f"{found['title']}: errors at {found['end']:g} s relative to the way moved; times and steps in ms\n(reference: {known})"
+    title = f"{found['title']}: errors at {found['end']:g} s relative to the way moved, times and steps in ms\n"
+    title += f"(reference: {known})"
     costs = [text for goal in GOALS for text in (f"work\n{100 * goal:g} %", f"time\n{100 * goal:g} %")]
     table = _table(title, "integrator", "order\n(theory)", f"step\n{100 * GOALS[0]:g} %", *costs, "least\nerror")
     for name, row in found["schemes"].items():
@@ -62,9 +63,9 @@ def _stability_table(results: dict[str, Any]) -> Table:
     for name in results["schemes"]:
         cells = []
         for rows in systems.values():
-            row = rows[name]
-            theory = row["omega"] * row["theory"]
-            cells.append(f"{_limit(row['omega_dt'])} / {_limit(theory)}")
+            row = rows.get(name)
+            limits = row and [row["omega_dt"], row["omega"] * row["theory"]]
+            cells.append(" / ".join(_limit(value) for value in limits) if limits else "adapts its step")
         table.add_row(name, *cells)
     return table
 

@@ -1,21 +1,28 @@
 """Work–precision: the error of each scheme against what it costs, over a range of steps."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from warpcloth import stability
+from warpcloth import integrators, stability
 
 from .problems import Problem
 from .reference import Reference
 from .runs import Run, as_dict, measure
 
 EXACT_ENOUGH = 1e-10
+MOST = 40  # runs of a sweep
+LOOSE = {
+    "rtol": 1e-1,
+    "position_tolerance": 1e-3,
+    "velocity_tolerance": 1e-1,
+}  # loosest tolerances; 10 times tighter each run
 ASYMPTOTIC = 0.02  # relative error below which the leading term of the error rules
 
 
 def sweep(problem: Problem, integrator: str, truth: Reference, budget: float, halvings: int) -> list[Run]:
-    """Runs with steps halved, from the coarsest that can be stable.
+    """Runs with steps halved, from the coarsest that can be stable; or with tolerances tightened, where the scheme
+    chooses its own steps and no obstacle bounds them.
 
     The last is the one whose error is as small as the reference can show, or the last before ``budget`` [s] of wall
     time (three times that for the first three stable runs) or ``halvings`` of stable steps run out.
@@ -23,16 +30,25 @@ def sweep(problem: Problem, integrator: str, truth: Reference, budget: float, ha
     runs: list[Run] = []
     stable, most = 0, 3.0 * budget
     floor = max(EXACT_ENOUGH, truth.uncertainty)
-    steps = first_steps(problem, integrator)
-    while stable <= halvings:
-        runs.append(measure(problem, integrator, steps, truth.solution))
+    for steps, options in _settings(problem, integrator):
+        runs.append(measure(problem, integrator, steps, truth.solution, options))
         spent = runs[-1].wall_s
         budget, most = budget - spent, most - spent
         stable += not runs[-1].diverged
-        if runs[-1].position_error < floor or 2.0 * spent > (budget if stable >= 3 else most):
+        if runs[-1].position_error < floor or 2.0 * spent > (budget if stable >= 3 else most) or stable > halvings:
             break
-        steps *= 2
     return runs
+
+
+def _settings(problem: Problem, integrator: str) -> Iterator[tuple[int, dict[str, float]]]:
+    """Numbers of steps and options, from coarse to fine."""
+    if integrators()[integrator].adaptive and not problem.contact:
+        for k in range(MOST):
+            yield 1, {name: value * 0.1**k for name, value in LOOSE.items()}
+        return
+    steps = first_steps(problem, integrator)
+    for k in range(MOST):
+        yield steps * 2**k, {}
 
 
 def first_steps(problem: Problem, integrator: str) -> int:
