@@ -4,6 +4,8 @@ from collections import deque
 
 import numpy as np
 
+SMOOTH = 0.3  # second over first differences of points whose path the frame rate resolves
+FEWEST = 8  # frames; fewer prove nothing
 WRONG_GAIN = 0.5  # what a gain must be off by: units of frames, a sign, zeros or shuffled points are off by far more
 MEANT_SPEED = 0.1  # root mean square [length units/s] that points which do not move at all cannot have
 
@@ -11,8 +13,9 @@ MEANT_SPEED = 0.1  # root mean square [length units/s] that points which do not 
 class VelocityFit:
     """Fits velocities v of inner frames to central differences c of the points: v = gain · c, by least squares.
 
-    Single frames prove nothing (cloth that lands stops between two frames, stiff springs vibrate faster than the
-    frame rate), so all are fitted together, and the gain's standard error is taken from the scatter between frames.
+    Single frames prove nothing: cloth that lands stops between two of them. So all are fitted together, and the
+    standard error of the gain is taken from the scatter over frames. Springs may vibrate faster than the frame rate, and
+    then points and velocities have rightly little to do with each other; so only points on smooth paths are used.
     """
 
     def __init__(self, codes_per_second: float):
@@ -28,10 +31,12 @@ class VelocityFit:
         self._window.append((code / self._rate, points, velocities))
         if len(self._window) < 3:
             return
-        (t0, before, _), (t1, _, middle), (t2, after, _) = self._window
+        (t0, before, _), (t1, between, middle), (t2, after, _) = self._window
         if middle is None or abs((t2 - t1) - (t1 - t0)) > 1e-3 * (t2 - t0):
             return
-        change = (after - before) / (t2 - t0)
+        bends = np.linalg.norm(after - 2.0 * between + before, axis=1)
+        smooth = bends <= SMOOTH * np.linalg.norm(after - before, axis=1)
+        middle, change = middle[smooth], (after - before)[smooth] / (t2 - t0)
         self._frames += 1
         self._values += change.size
         self._vv += float(np.vdot(middle, middle))
@@ -47,7 +52,7 @@ class VelocityFit:
     @property
     def fault(self) -> str | None:
         """What is wrong, or None."""
-        if self._frames == 0:
+        if self._frames < FEWEST:
             return None
         if self.gain is None:
             fast = self._vv > self._values * MEANT_SPEED**2
