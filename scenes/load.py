@@ -1,7 +1,7 @@
 """Finding and reading scenes: bundled ones by name, others by the path of their TOML file."""
 
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -93,11 +93,19 @@ def scene_from_toml(
     try:
         data = parse_toml(text)
         apply_overrides(data, overrides)
+    except SceneError as error:
+        raise SceneError(_prefixed(source, str(error))) from None
+    return scene_from_data(data, name=name, folder=folder, source=source)
+
+
+def scene_from_data(
+    data: Mapping[str, Any], *, name: str = "scene", folder: Path | None = None, source: str = ""
+) -> Scene:
+    """A scene from its tables, as TOML is read into them; see :func:`scene_from_toml`."""
+    try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
         raise SceneError(_prefixed(source, explain(error))) from None
-    except SceneError as error:
-        raise SceneError(_prefixed(source, str(error))) from None
     return scene.placed(name, Path() if folder is None else folder)
 
 

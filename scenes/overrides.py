@@ -32,7 +32,7 @@ def apply_overrides(data: dict[str, Any], assignments: Iterable[str]) -> None:
         parent = data
         for depth, key in enumerate(keys[:-1]):
             parent = _step(parent, key, keys[: depth + 1])
-        _assign(parent, keys, parse_value(value, path))
+        _assign(parent, keys, parse_value(value, path.strip()))
 
 
 def parse_value(text: str, path: str) -> Any:
@@ -50,7 +50,7 @@ def parse_value(text: str, path: str) -> Any:
     if BARE_WORD.fullmatch(text.strip()):
         return text.strip()
     raise SceneError(
-        f'the value {shorten(text)!r} for {shorten(path)!r} is not TOML; write for example 0.3, true, [1, 2] or "text"'
+        f'the value {shorten(text)!r} of {shorten(path)!r} is not TOML; write for example 0.3, true, [1, 2] or "text"'
     )
 
 

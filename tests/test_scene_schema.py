@@ -210,7 +210,7 @@ def test_overrides_by_number_and_by_name():
         ("cloth.3.size=[1, 1]", "'cloth' is a list of 2, counted from 0, so it has no 3"),
         ("cloth.canvs.size=[1, 1]", "'cloth' is a list and has no item 'canvs'; did you mean 'canvas'?"),
         ("frames.x=1", "'frames' is a single value and has no 'x' in it"),
-        ("frames=1\nfps=2", "the value '1\\nfps=2' for 'frames' is not TOML"),
+        ("frames=1\nfps=2", "the value '1\\nfps=2' of 'frames' is not TOML"),
         ("cloth.silk.sise=[1, 1]", "the key 'cloth.1.sise' is unknown; did you mean 'size'?"),
         ("cloth.0.fabric.friction=-1", "cloth.0.fabric.friction must be a number from 0 to 10, not -1"),
     ],

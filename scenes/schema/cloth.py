@@ -67,13 +67,17 @@ class GridTable(ClothTable):
         (33, 33), "Vertices along x and y."
     )
 
+    @property
+    def vertices(self) -> int:
+        """Number of vertices."""
+        return self.resolution[0] * self.resolution[1]
+
     @model_validator(mode="after")
     def _not_too_many(self) -> Self:
-        count = self.resolution[0] * self.resolution[1]
-        if count > MOST_VERTICES:
+        if self.vertices > MOST_VERTICES:
             raise refuse(
                 f"must have a resolution of at most {MOST_VERTICES:,} vertices, and "
-                f"{self.resolution[0]} by {self.resolution[1]} are {count:,}"
+                f"{self.resolution[0]} by {self.resolution[1]} are {self.vertices:,}"
             )
         return self
 
@@ -89,6 +93,11 @@ class DiscTable(ClothTable):
     resolution: Annotated[int, Number("", 1, 1000, whole=True)] = field(
         16, "Rings of vertices between the centre and the edge."
     )
+
+    @property
+    def vertices(self) -> int:
+        """Number of vertices: the centre, and six more in each ring than in the one before."""
+        return 1 + 3 * self.resolution * (self.resolution + 1)
 
     def shaped(self, folder: Path, common: dict[str, Any]) -> Cloth:
         return Cloth.disc(radius=self.radius, resolution=self.resolution, **common)

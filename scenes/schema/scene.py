@@ -20,7 +20,7 @@ from .network import Network, NetworkTable
 from .obstacle import BoxTable, CapsuleTable, MeshObstacleTable, PlaneTable, SphereTable
 from .simulation import SimulationTable
 from .table import Table, field
-from .values import MOST_FRAMES, Number, Text, positive, refuse
+from .values import MOST_FRAMES, MOST_VERTICES, Number, Text, refuse
 
 AnyCloth = Annotated[GridTable | DiscTable | MeshClothTable, Discriminator("shape")]
 AnyObstacle = Annotated[PlaneTable | SphereTable | CapsuleTable | BoxTable | MeshObstacleTable, Discriminator("shape")]
@@ -29,12 +29,12 @@ AnyObstacle = Annotated[PlaneTable | SphereTable | CapsuleTable | BoxTable | Mes
 class Scene(Table):
     """A scene: cloths (or a network of springs), obstacles, and how long and how finely they are simulated."""
 
-    title: Annotated[str, Text(what="a title", most=200)] = field("", "One line for lists of scenes.")
-    description: Annotated[str, Text(what="a description")] = field("", "What there is to see.")
+    title: Annotated[str, Text(most=200)] = field("", "One line for lists of scenes.")
+    description: Annotated[str, Text()] = field("", "What there is to see.")
     frames: Annotated[int, Number("", 1, MOST_FRAMES, whole=True)] = field(
         120, "Frames to simulate; the file begins with frame 0, the start, and ends with this one."
     )
-    fps: Annotated[float, positive("1/s", 1e5)] = field(24.0, "Frames per second.")
+    fps: Annotated[float, Number("1/s", 0.001, 1e5)] = field(24.0, "Frames per second.")
     seed: Annotated[int, Number("", 0, 2**32 - 1, whole=True)] = field(0, "Seed of all random numbers in the scene.")
     simulation: SimulationTable = field(SimulationTable(), "How it is simulated.")
     cloth: list[AnyCloth] = Field([], description="The cloths.", max_length=10_000)
@@ -95,6 +95,13 @@ class Scene(Table):
         if self.network is not None and (self.cloth or self.obstacle):
             other = "[[cloth]]" if self.cloth else "[[obstacle]]"
             raise refuse(f"must not have {other} beside a [network], which is simulated alone")
+        return self
+
+    @model_validator(mode="after")
+    def _not_too_many_vertices(self) -> Self:
+        count = sum(table.vertices for table in self.cloth if not isinstance(table, MeshClothTable))
+        if count > MOST_VERTICES:
+            raise refuse(f"must have at most {MOST_VERTICES:,} vertices of cloth in all, and has {count:,}")
         return self
 
     @model_validator(mode="after")

@@ -131,8 +131,7 @@ class Rows(Checked):
 
     @property
     def label(self) -> str:
-        count = "one or more" if self.least == 1 else f"{self.least} or more"
-        return f"a list of {count}: {self.item.label}"
+        return f"a list{f' of at least {self.least}' if self.least else ''}, each item {self.item.label}"
 
 
 @dataclass(frozen=True)
@@ -163,7 +162,7 @@ class Text(Checked):
 
     def check(self, value: Any) -> str:
         if not isinstance(value, str) or len(value) > self.most or "\0" in value:
-            raise refuse(f"must be {self.what} in quotes")
+            raise refuse(f"must be {self.what}" + ("" if isinstance(value, str) else ", in quotes"))
         if self.pattern and not re.fullmatch(self.pattern, value):
             raise refuse(f"must be {self.what}")
         return value
