@@ -28,6 +28,7 @@ class SimulationResult:
         intersections: Pairs of cloth triangles that cross.
         max_penetration_m: Greatest depth of a particle below an obstacle's surface [m].
         settled: Whether the cloth has come to rest.
+        solver: What the integrator says of its own work, e.g. iterations; empty for explicit ones.
         interrupted: Whether it was stopped before its last frame.
         output: The cache that was written.
     """
@@ -50,6 +51,7 @@ class SimulationResult:
     intersections: int
     max_penetration_m: float
     settled: bool
+    solver: dict[str, Any]
     interrupted: bool
     output: Path
 

@@ -100,6 +100,7 @@ class _Run:
             "version": version("warpcloth"),
             "scene": self.scene.name,
             "integrator": options.integrator,
+            "integrator_options": options.integrator_options,
             "substeps": str(options.substeps),
             "precision": options.precision,
             "device": options.device,
@@ -112,6 +113,7 @@ class _Run:
         simulation = Simulation(
             self.model,
             integrator=options.integrator,
+            integrator_options=options.integrator_options,
             gravity=options.gravity,
             substeps=options.substeps,
             contact=options.contact,
@@ -165,6 +167,7 @@ class _Run:
             intersections=measured["intersections"],
             max_penetration_m=measured["max_penetration_m"],
             settled=measured["settled"],
+            solver=dict(simulation.integrator.metrics()),
             interrupted=len(self.frame_times) < self.scene.frames,
             output=self.output.absolute(),
         )

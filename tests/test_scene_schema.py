@@ -24,7 +24,7 @@ MISTAKES = [
     (GRID + 'fabric = { density = 1 }', "the key 'cloth.0.fabric.density' is unknown; did you mean 'areal_density'?"),
     ("frames = 1.5\n" + GRID, "frames must be a whole number from 1 to 1,000,000, not 1.5"),
     ("frames = true\n" + GRID, "frames must be a whole number from 1 to 1,000,000, not true"),
-    ("fps = nan\n" + GRID, "fps must be a number above 0 and at most 100,000 1/s, not nan"),
+    ("fps = nan\n" + GRID, "fps must be a number from 0.001 to 100,000 1/s, not nan"),
     (GRID + "size = [1]", "cloth.0.size must be 2 numbers [width, height], each above 0 and at most 10,000 m, not [1]"),
     (
         GRID + "resolution = [3000, 3000]",

@@ -169,6 +169,14 @@ def test_a_simulation_that_diverges_leaves_no_file(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_options_reach_the_integrator_and_its_figures_the_result(tmp_path):
+    text = NAPKIN.replace("[simulation]", '[simulation]\nintegrator = "xpbd"\nintegrator_options = { iterations = 3 }')
+    result = simulate(scene_from_toml(text), tmp_path / "xpbd.usdc", frames=1, substeps=2)
+    assert result.integrator == "xpbd"
+    with pytest.raises(errors.InputError, match="'iterations'"):
+        simulate(scene_from_toml(text, overrides=["simulation.integrator_options.iter=3"]), tmp_path / "x.usdc")
+
+
 def test_cloth_that_starts_inside_an_obstacle_is_refused(tmp_path):
     scene = scene_from_toml(NAPKIN + '[[obstacle]]\nshape = "sphere"\ncenter = [0, 0, 1]\nradius = 0.5\n')
     with pytest.raises(errors.BadStartError, match="'napkin' starts inside"):
@@ -183,7 +191,10 @@ def test_cloth_that_starts_inside_an_obstacle_is_refused(tmp_path):
         ({"frames": 2.0}, "frames must be a whole number from 1 to 1,000,000, not 2.0"),
         ({"substeps": "many"}, "simulation.substeps must be \"auto\" or a whole number from 1 to 100,000, not 'many'"),
         ({"precision": "double"}, "simulation.precision must be 'float32' or 'float64', not 'double'"),
-        ({"integrator": "sympletic_euler"}, "did you mean 'symplectic_euler'?"),
+        (
+            {"integrator": "sympletic_euler"},
+            "simulation.integrator must be the name of an integrator such as 'symplectic_euler', not 'sympletic_euler'",
+        ),
         ({"device": "cuda:99"}, "cuda:99"),
     ],
 )

@@ -1,16 +1,21 @@
 """How a scene is simulated."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
+
+from warpcloth.integrators import integrators
 
 from .table import Table, field
-from .values import Number, Or, Text, Vector
+from .values import Number, OneOf, Options, Or, Text, Vector
 
 
 class SimulationTable(Table):
     """How the scene is simulated. The command line's flags of the same names come before it."""
 
-    integrator: Annotated[str, Text("[a-z0-9_]+", "the name of an integrator (see `warpcloth integrators`)", 64)] = (
-        field("symplectic_euler", "Time integrator; `warpcloth integrators` lists them.")
+    integrator: Annotated[str, OneOf("the name of an integrator", integrators)] = field(
+        "symplectic_euler", "Time integrator; `warpcloth integrators` lists them."
+    )
+    integrator_options: Annotated[dict[str, Any], Options()] = field(
+        {}, "Options of the integrator, e.g. `{ iterations = 10 }`; `warpcloth integrators` names them."
     )
     substeps: Annotated[Literal["auto"] | int, Or("auto", Number("", 1, 100_000, whole=True))] = field(
         "auto", "Integration steps per frame; `auto` is the fewest that the integrator is stable with."

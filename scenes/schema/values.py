@@ -5,7 +5,9 @@ front of them and what was found behind them.
 """
 
 import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Annotated, Any
 
 from pydantic import GetCoreSchemaHandler
@@ -189,6 +191,42 @@ class Or(Checked):
     @property
     def label(self) -> str:
         return f'"{self.word}" or {self.other.label}'
+
+
+@dataclass(frozen=True)
+class OneOf(Checked):
+    """A name out of a registry that is looked up anew each time."""
+
+    what: str
+    names: Callable[[], Iterable[str]]
+
+    def check(self, value: Any) -> str:
+        known = list(self.names())
+        if not isinstance(value, str) or value not in known:
+            closest = get_close_matches(str(value), known, n=1, cutoff=0.0) or known
+            raise refuse(f"must be {self.what} such as {closest[0]!r}")
+        return value
+
+    @property
+    def label(self) -> str:
+        return self.what
+
+
+@dataclass(frozen=True)
+class Options(Checked):
+    """A table of options whose names and limits belong to somebody else: numbers, booleans and words."""
+
+    def check(self, value: Any) -> dict[str, Any]:
+        if not isinstance(value, Mapping):
+            raise refuse("must be a table such as { iterations = 10 }")
+        for key, item in value.items():
+            if not (isinstance(item, bool | str) or is_number(item)):
+                raise refuse(f"must have a number, true, false or a word as its {key[:80]!r}")
+        return dict(value)
+
+    @property
+    def label(self) -> str:
+        return "table"
 
 
 def positive(unit: str, high: float = FARTHEST) -> Number:
