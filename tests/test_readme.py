@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from warpcloth.cli import run
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 READMES = sorted(
     path for path in REPOSITORY.glob("**/*.md") if not path.relative_to(REPOSITORY).parts[0].startswith(".")
@@ -26,6 +28,14 @@ def test_the_python_example_runs(tmp_path, monkeypatch, capsys):
     assert points.shape == (1681, 3)
     assert points[:, 2].min() < 0.3 < 0.6 < points[:, 2].max()  # it hangs over the ball
     assert "kinetic" in capsys.readouterr().out
+
+
+def test_the_two_commands_run(tmp_path, monkeypatch):
+    """The commands as printed, but for two frames instead of all."""
+    monkeypatch.chdir(tmp_path)
+    simulate, check = blocks(REPOSITORY / "README.md", "console")[0].splitlines()
+    assert run([*simulate.split()[1:], "--frames", "2"]) == 0
+    assert run(check.split()[1:]) == 0
 
 
 def test_the_kernel_variant_example_runs(capsys):

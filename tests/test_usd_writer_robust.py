@@ -188,6 +188,8 @@ def test_a_kill_at_any_moment_leaves_only_whole_files(tmp_path):
     for moment in moments:
         process = run_program(program, path, frames)
         assert process.stdout.readline() == "ready\n", process.communicate()
+        while not path.exists() and process.poll() is None:  # the first kill comes after the first whole file
+            time.sleep(0.02)
         time.sleep(moment)
         process.kill()
         process.communicate()

@@ -54,7 +54,8 @@ class _Check:
         self.checks = [SampleCheck(prim) for prim in prims]
         self.obstacles = self._read_obstacles()
         self.codes = sorted(set().union(*(check.codes for check in self.checks)))
-        self.deepest, self.deepest_frame = 0.0, None
+        self.deepest = 0.0
+        self.deepest_frame: float | None = None
         self.intersections = 0
 
     def report(self, every: bool) -> CheckReport:

@@ -36,5 +36,6 @@ def face_fault(mesh: UsdGeom.Mesh, count: int) -> str | None:
 def _faces(mesh: UsdGeom.Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Corners of each face, and the vertex of each corner."""
     first = Usd.TimeCode.EarliestTime()  # where a value is sampled but has no default
-    counts, corners = (a.Get(first) for a in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()))
-    return tuple(np.array(values if values is not None else [], np.int32) for values in (counts, corners))
+    both = (a.Get(first) for a in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()))
+    counts, corners = (np.array(values if values is not None else [], np.int32) for values in both)
+    return counts, corners

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, Usd, UsdUtils
+from pxr import Sdf, UsdUtils
 
 from ...errors import UsdError
 from .crate import save_again
@@ -25,7 +25,7 @@ class GrowingStage:
 
     def __init__(self, target: Target, fps: float, provenance: Mapping[str, Any]):
         self.target = target
-        self.stage: Usd.Stage | None = create_stage(target.partial, fps, provenance)
+        self.stage: Any = create_stage(target.partial, fps, provenance)  # None once it is closed
         self._doing = f"Cannot write the cache {target.final.name}"
         self._unsaved_bytes = 0
         self._saved_frames = 0

@@ -32,12 +32,13 @@ class ObstaclePrim:
 
     def __init__(self, stage: Usd.Stage, path: Sdf.Path, obstacle: Obstacle, surroundings: Surroundings):
         self.obstacle = obstacle
-        self.deforms = isinstance(obstacle, MeshObstacle) and obstacle.sample_times is not None
-        self.mesh: MeshPrim | None = None
+        self.deforming: tuple[MeshObstacle, MeshPrim] | None = None
         if isinstance(obstacle, MeshObstacle):
-            self.placement = placement(np.zeros(3) if self.deforms else obstacle.centre)
-            self.mesh = MeshPrim(stage, path, obstacle.points - self.placement[:3, 3], obstacle.triangles)
-            self.prim = self.mesh.prim
+            deforms = obstacle.sample_times is not None
+            self.placement = placement(np.zeros(3) if deforms else obstacle.centre)
+            mesh = MeshPrim(stage, path, obstacle.points - self.placement[:3, 3], obstacle.triangles)
+            self.deforming = (obstacle, mesh) if deforms else None
+            self.prim = mesh.prim
             UsdPhysics.MeshCollisionAPI.Apply(self.prim).CreateApproximationAttr(UsdPhysics.Tokens.none)
         else:
             self.prim, self.placement = _SHAPES[type(obstacle)](stage, path, obstacle, surroundings)
@@ -48,8 +49,9 @@ class ObstaclePrim:
         """Sets the pose at ``time`` [s] if it ever changes; returns the bytes held in memory."""
         if not self.obstacle.moves:
             return 0
-        if self.deforms:
-            return self.mesh.set_points(self.obstacle.points_at(time), code)
+        if self.deforming is not None:
+            obstacle, mesh = self.deforming
+            return mesh.set_points(obstacle.points_at(time), code)
         self._set_pose(self.obstacle.matrix(time) @ self.placement, code)
         return 2 * SAMPLE_OVERHEAD
 
@@ -57,8 +59,8 @@ class ObstaclePrim:
         """Takes back what was set at time ``code``."""
         self.translate.ClearAtTime(code)
         self.orient.ClearAtTime(code)
-        if self.deforms:
-            self.mesh.drop(code)
+        if self.deforming is not None:
+            self.deforming[1].drop(code)
 
     def _create_ops(self) -> None:
         xformable = UsdGeom.Xformable(self.prim)
@@ -83,7 +85,7 @@ class ObstaclePrim:
             set_number(self.prim, name, getattr(self.obstacle, name))
         bind_color(self.prim, self.obstacle.color, roughness=0.5)
         UsdPhysics.CollisionAPI.Apply(self.prim)
-        if self.mesh is None:
+        if not isinstance(self.obstacle, MeshObstacle):
             extent = UsdGeom.Boundable.ComputeExtentFromPlugins(UsdGeom.Boundable(self.prim), Usd.TimeCode.Default())
             UsdGeom.Boundable(self.prim).CreateExtentAttr(Vt.Vec3fArray(extent))
 

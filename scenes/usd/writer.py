@@ -71,7 +71,7 @@ class CacheWriter:
     @property
     def frames(self) -> int:
         """How many frames are complete."""
-        return 0 if self._last is None else self._last - self._first + 1
+        return 0 if self._first is None or self._last is None else self._last - self._first + 1
 
     def write(self, frame: int, points: Mapping[str, np.ndarray], velocities: Mapping[str, np.ndarray]) -> None:
         """Writes one frame of every cloth and obstacle.
@@ -106,7 +106,7 @@ class CacheWriter:
         """
         if self._closed:
             return self._file.target.final if self.frames else None
-        if self.frames == 0:
+        if self._first is None or self._last is None:
             self.abort()
             return None
         self._drop_incomplete_frame()
@@ -169,8 +169,9 @@ class CacheWriter:
 
 
 def _drawn(stage: Usd.Stage, path: Sdf.Path, cloth: Cloth | Network) -> ClothPrim | NetworkPrim:
-    kind = NetworkPrim if isinstance(cloth, Network) else ClothPrim
-    return kind(stage, path, cloth)
+    if isinstance(cloth, Network):
+        return NetworkPrim(stage, path, cloth)
+    return ClothPrim(stage, path, cloth)
 
 
 def _check_cloths(cloths: Sequence[Cloth | Network]) -> None:

@@ -5,7 +5,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator
-from typing import Any, TextIO
+from typing import TextIO
 
 from rich.console import Console
 
@@ -33,11 +33,18 @@ def stdout_for_results() -> Iterator[TextIO]:
 def warnings_as_lines() -> Iterator[None]:
     """Show warpcloth's own warnings as one line on stderr each, without the place in the code."""
 
-    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
         if issubclass(category, StabilityWarning):
             messages().print(f"warpcloth: {message}", markup=False)
         else:
-            usual(message, category, *place)
+            usual(message, category, filename, lineno, file, line)
 
     with warnings.catch_warnings():
         usual = warnings.showwarning

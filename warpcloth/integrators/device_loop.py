@@ -11,7 +11,7 @@ def repeat_while(condition: wp.array, body: Callable[[], None], limit: int) -> N
     ``body`` must bring it to 0 within ``limit`` runs and do nothing harmful after that: where a graph is being captured
     for a GPU whose driver knows no conditional nodes (CUDA below 12.4), all ``limit`` runs are recorded.
     """
-    device = condition.device
+    device = wp.get_device(condition.device)
     if device.is_cuda and device.is_capturing and not wp.is_conditional_graph_supported():
         for _ in range(limit):
             body()
