@@ -120,7 +120,6 @@ def test_every_scheme_has_a_family_and_a_look():
 
 
 def test_command_writes_results_and_plots(tmp_path, capfd):
-    pytest.importorskip("matplotlib")
     arguments = ["--integrators", "symplectic_euler,xpbd", "--problems", "oscillator", "--quick", "--budget", "0.02"]
     assert run(["bench", "integrators", *arguments, "--output", str(tmp_path), "--json"]) == 0
     printed = json.loads(capfd.readouterr().out)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class Problem:
     drift_step: float = 0.0
     energy_scale: float = 1.0
 
-    def simulation(self, integrator: str, substeps: int, options: dict | None = None, **rest) -> Simulation:
+    def simulation(self, integrator: str, substeps: int | str, options: dict | None = None, **rest: Any) -> Simulation:
         """A simulation of it from the start."""
         model = self.build(True)
         settings = {"gravity": self.gravity, "contact": self.contact, "check": False, **rest}
