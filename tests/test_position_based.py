@@ -8,7 +8,15 @@ import pytest
 import warpcloth as wc
 from warpcloth.integrators.colouring import grouped, particle_colours, spring_colours
 
-SCHEMES = [("pbd", {"stiffness": 0.3}), ("xpbd", {}), ("xpbd", {"iterations": 4, "warm_start": 1.0})]
+SCHEMES = [
+    ("pbd", {"stiffness": 0.3}),
+    ("xpbd", {}),
+    ("xpbd", {"iterations": 4, "warm_start": 1.0}),
+    ("vbd", {"iterations": 3, "acceleration": 0.5}),
+    ("projective_dynamics", {"iterations": 5}),
+    ("projective_dynamics", {"iterations": 2, "solver": "jacobi"}),
+    ("projective_dynamics", {"iterations": 2, "solver": "cg"}),
+]
 every_scheme = pytest.mark.parametrize(("name", "options"), SCHEMES, ids=[f"{n}-{o}" for n, o in SCHEMES])
 
 
@@ -71,12 +79,15 @@ def test_pbd_stiffness_is_made_by_the_step(share, sweeps, h):
 
 @every_scheme
 def test_linear_momentum(name, options):
+    """Kept to round-off by pairwise corrections; by the others as far as they solve the step."""
+    exact = wc.integrators()[name].conserves_linear_momentum
+    options = options if exact else {**options, "iterations": 150}
     net = network(2)
     q, qd = after_steps(net, name, options, 0.05, steps=40)
     m = net["masses"][:, None]
     assert np.abs(q - net["positions"]).max() > 1.0
     before, after = (m * net["velocities"]).sum(axis=0), (m * qd).sum(axis=0)
-    assert np.abs(after - before).max() <= 1e-13 * np.abs(m * qd).sum()
+    assert np.abs(after - before).max() <= (1e-13 if exact else 1e-6) * np.abs(m * qd).sum()
 
 
 def test_impulses_of_a_spring_have_no_moment():
@@ -139,7 +150,8 @@ def test_colours():
 
 def test_bad_options():
     model = wc.Model.from_springs([[0, 0, 0], [1, 0, 0]], 1.0, [[0, 1]], 1.0, 1.0, 0.0)
-    cases = [("xpbd", "iterations", 0), ("xpbd", "warm_start", 2.0), ("pbd", "stiffness", 1.1), ("pbd", "bending", -1)]
+    cases = [("vbd", "acceleration", 1.0), ("projective_dynamics", "solver", "lu"), ("xpbd", "iterations", 0)]
+    cases += [("xpbd", "warm_start", 2.0), ("pbd", "stiffness", 1.1), ("pbd", "bending", -1)]
     for name, option, value in cases:
         with pytest.raises(wc.errors.InputError, match=option.capitalize()):
             wc.Simulation(model, name, integrator_options={option: value})

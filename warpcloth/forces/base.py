@@ -27,6 +27,14 @@ class Linearization:
     world_project: wp.array
 
 
+class Hessian(Protocol):
+    """A matrix a K + b C known by its products, as solvers need it; see :class:`ForceTerm`."""
+
+    def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None: ...
+
+    def hessian_diagonal(self, at: Linearization, out: wp.array) -> None: ...
+
+
 class ForceTerm(Protocol):
     """One physical force. It launches kernels only: no allocation, no host synchronisation.
 

@@ -15,8 +15,10 @@ from .embedded_pairs import BogackiShampine, DormandPrince
 from .implicit import ImplicitEuler, ImplicitMidpoint, ImplicitTrapezoid
 from .linearly_implicit import Imex, LinearImplicitEuler
 from .pbd import Pbd
+from .projective_dynamics import ProjectiveDynamics
 from .runge_kutta import ClassicalRungeKutta, ForwardEuler, Midpoint, Trapezoidal
 from .splitting import Pefrl, SymplecticEuler, VelocityVerlet
+from .vbd import Vbd
 from .xpbd import Xpbd
 
 INTEGRATORS: dict[str, type[Integrator]] = {
@@ -39,6 +41,8 @@ INTEGRATORS: dict[str, type[Integrator]] = {
         Bdf2,
         Pbd,
         Xpbd,
+        ProjectiveDynamics,
+        Vbd,
     )
 }  # fmt: skip
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..forces import Forces, Linearization
+from ..forces import Hessian, Linearization
 from ..model import Model
 from .device_loop import repeat_while
 
@@ -45,7 +45,7 @@ class ConjugateGradient:
             setattr(self.solves, name, wp.zeros(model.world_count, dtype=wp.float64, device=model.device))
         self.solves.remaining = wp.zeros(1, dtype=wp.int32, device=model.device)
 
-    def solve(self, forces: Forces, at: Linearization, world_active: wp.array, residual: wp.array) -> None:
+    def solve(self, forces: Hessian, at: Linearization, world_active: wp.array, residual: wp.array) -> None:
         """Leaves the solution in ``x``, and 0 in worlds where ``world_active`` (int32, shape [world_count]) is 0."""
         model = self.model
         self._factor(forces, at)
@@ -56,7 +56,7 @@ class ConjugateGradient:
         self._launch("begin_worlds", model.world_count, [self.lanes, self.partial], [self.solves])
         repeat_while(self.solves.remaining, lambda: self._iterate(forces, at), self.max_iterations)
 
-    def _factor(self, forces: Forces, at: Linearization) -> None:
+    def _factor(self, forces: Hessian, at: Linearization) -> None:
         model = self.model
         self._blocks.zero_()
         projected = Linearization(at.state, at.stiffness, at.damping, self._projected)
@@ -64,7 +64,7 @@ class ConjugateGradient:
         masses = [model.particle_mass, model.particle_inv_mass]
         self._launch("invert_blocks", model.particle_count, masses, [self._blocks])
 
-    def _iterate(self, forces: Forces, at: Linearization) -> None:
+    def _iterate(self, forces: Hessian, at: Linearization) -> None:
         model, lanes, solves = self.model, self.lanes, self.solves
         forces.hessian_product(at, self._p, self._ap)
         self._launch("curvature", self.lane_count, [lanes, self._p, self._ap], [self.partial])

@@ -43,7 +43,7 @@ class Pbd(PositionStep):
         self.factor = self.colours.arranged(factor, model.real)
         self.rest_length = self.colours.arranged(model.spring_rest_length.numpy(), model.real)
 
-    def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> None:
+    def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations
         for _ in range(self.iterations):
             for ends, rest_length, factor in zip(self.colours.ends, self.rest_length, self.factor, strict=True):
@@ -54,3 +54,4 @@ class Pbd(PositionStep):
                     outputs=[self.displacement],
                     device=model.device,
                 )
+        return self.displacement

@@ -27,6 +27,7 @@ class PositionStep(Integrator):
     implicit = True
     symplectic = False
     capturable = True
+    sweep_value = 1.0  # sweeps of XPBD that an iteration is worth on hanging cloth
 
     def __init__(self, model: Model, iterations: int, warm_start: float = 0.0):
         self.iterations = validate.integer(iterations, "iterations", minimum=1, maximum=MAX_ITERATIONS)
@@ -40,11 +41,11 @@ class PositionStep(Integrator):
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
         forces.evaluate(state_in, without=("springs",))
         self._predict(model, state_in, state_out, dt)
-        self._solve(model, state_in, forces, dt)
+        displacement = self._solve(model, state_in, forces, dt)
         wp.launch(
             model.kernels.position_step.finish,
             dim=model.particle_count,
-            inputs=[model.particle_inv_mass, state_in.particle_q, self.inertial, self.displacement, dt],
+            inputs=[model.particle_inv_mass, state_in.particle_q, self.inertial, displacement, dt],
             outputs=[self.spring_acceleration, state_out.particle_q, state_out.particle_qd],
             device=model.device,
         )
@@ -78,8 +79,11 @@ class PositionStep(Integrator):
         self.spring_acceleration.zero_()
 
     @abstractmethod
-    def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> None:
-        """Improves ``self.displacement``; adds the number of sweeps over all springs to ``forces.evaluations``."""
+    def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
+        """The solution δ, an array of this object, from ``self.displacement``, which it may overwrite.
+
+        Adds the number of its sweeps over all springs to ``forces.evaluations``.
+        """
 
     @classmethod
     def stable_step(cls, omega: float, gamma: float) -> float:
@@ -96,7 +100,7 @@ class PositionStep(Integrator):
         at 16 × 16 vertices, 10 at 32 × 32, 25 at 64 × 64 and 65 at 128 × 128, for fabrics of 400 and 12,000 N/m alike
         (XPBD, one sweep): f = 0.7 (a/L)^(4/3). Four sweeps allow twice the step.
         """
-        return math.sqrt(self.iterations) * self._weight_step
+        return math.sqrt(self.iterations * self.sweep_value) * self._weight_step
 
 
 def weight_step(model: Model) -> float:

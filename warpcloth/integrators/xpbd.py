@@ -50,7 +50,7 @@ class Xpbd(PositionStep):
         for force in self.force:
             force.zero_()
 
-    def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> None:
+    def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations
         for iteration in range(self.iterations):
             kept = self.warm_start if iteration == 0 else 1.0
@@ -62,3 +62,4 @@ class Xpbd(PositionStep):
                     outputs=[self.displacement, force],
                     device=model.device,
                 )
+        return self.displacement

@@ -1,0 +1,73 @@
+"""Vertex block descent: each particle in turn takes a Newton step on its own three coordinates, its neighbours held.
+
+A step h of implicit Euler is the equation m (δ − δ̂)/h² = f of every particle, f the spring forces at the end of the
+step. Particles of one launch have no spring in common, so all of them move downhill at once (Chen et al. 2024). A
+compressed spring would make the 3×3 block indefinite; its transverse part is left out, as ``spring_stiffness_matrix``
+says.
+
+The springs of a particle are stored in rows: the particle at the other end, and (r [m], k_s [N], k_d [N s]).
+"""
+
+import sys
+
+import warp as wp
+
+from .precision import OPTIONS, real, vec3
+from .spring_law import spring_damping_matrix, spring_force, spring_stiffness_matrix
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.kernel
+def descend(
+    # Model
+    particles: wp.array(dtype=wp.int32),
+    row_start: wp.array(dtype=wp.int32),
+    row_other: wp.array(dtype=wp.int32),
+    row_law: wp.array(dtype=vec3),
+    particle_mass: wp.array(dtype=real),
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    inertial: wp.array(dtype=vec3),
+    dt: real,
+    # Out
+    displacement_out: wp.array(dtype=vec3),
+):
+    """One Newton step of every particle of a colour."""
+    k = wp.tid()
+    i = particles[k]
+    if particle_inv_mass[i] > real(0.0):
+        x = particle_q[i]
+        moved = displacement_out[i]
+        inertia = particle_mass[i] / (dt * dt)
+        f = inertia * (inertial[i] - moved)
+        hessian = inertia * wp.identity(n=3, dtype=real)
+        for row in range(row_start[k], row_start[k + 1]):
+            j = row_other[row]
+            law = row_law[row]
+            u = displacement_out[j] - moved
+            d = particle_q[j] - x + u
+            f += spring_force(d, u / dt, law[0], law[1], law[2])
+            hessian += spring_stiffness_matrix(d, law[0], law[1], real(1.0))
+            hessian += spring_damping_matrix(d, law[0], law[2] / dt)
+        displacement_out[i] = moved + wp.inverse(hessian) * f
+
+
+@wp.kernel
+def extrapolate(
+    # State in
+    weight: real,
+    # Out
+    displacement_out: wp.array(dtype=vec3),
+    previous_out: wp.array(dtype=vec3),
+    before_out: wp.array(dtype=vec3),
+):
+    """Chebyshev acceleration: δ ← ω (δ − δ″) + δ″ with δ″ of two sweeps ago; then both histories move on."""
+    i = wp.tid()
+    accelerated = displacement_out[i]
+    if weight > real(1.0):
+        accelerated = weight * (accelerated - before_out[i]) + before_out[i]
+    displacement_out[i] = accelerated
+    before_out[i] = previous_out[i]
+    previous_out[i] = accelerated
