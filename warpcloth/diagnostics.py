@@ -108,20 +108,31 @@ def _depths(
     return out.numpy()
 
 
+class PenetrationProbe:
+    """Measures how deep points are in obstacles at any time; builds the obstacles' shapes once."""
+
+    def __init__(self, obstacles: Sequence[Obstacle]):
+        self.count = len(obstacles)
+        self._kernels, self._device = KernelSet("float32"), wp.get_device("cpu")
+        motions = [o.motion for o in obstacles if o.motion is not None]
+        tracks = iter(range(len(motions)))
+        rows = [(0, o, -1 if o.motion is None else next(tracks)) for o in obstacles]
+        self._shapes = CollisionShapes(self._kernels, rows, 1, self._device)
+        self._tracks = make_tracks(self._kernels, motions, self._device)
+
+    def depth(self, points: np.ndarray, t: float) -> float:
+        """Greatest depth [m] of points (n, 3) below the true surface of any obstacle at time t [s]; 0 outside."""
+        if self.count == 0 or len(points) == 0:
+            return 0.0
+        self._shapes.place(self._tracks, wp.array([t], dtype=wp.float64, device=self._device), 0.0)
+        q = wp.array(np.ascontiguousarray(points, np.float32), dtype=wp.vec3, device=self._device)
+        world = wp.zeros(len(q), dtype=wp.int32, device=self._device)
+        return float(_depths(self._kernels, world, self._shapes, q, self._shapes.end, self._device).max())
+
+
 def penetration(points: np.ndarray, obstacles: Sequence[Obstacle], t: float = 0.0) -> float:
     """Greatest depth [m] of points (n, 3) below the true surface of any obstacle at time t [s]; 0 outside."""
-    if len(obstacles) == 0 or len(points) == 0:
-        return 0.0
-    kernels, device = KernelSet("float32"), wp.get_device("cpu")
-    motions = [o.motion for o in obstacles if o.motion is not None]
-    tracks = iter(range(len(motions)))
-    rows = [(0, o, -1 if o.motion is None else next(tracks)) for o in obstacles]
-    shapes = CollisionShapes(kernels, rows, 1, device)
-    time = wp.array([t], dtype=wp.float64, device=device)
-    shapes.place(make_tracks(kernels, motions, device), time, 0.0)
-    q = wp.array(np.ascontiguousarray(points, np.float32), dtype=wp.vec3, device=device)
-    world = wp.zeros(len(q), dtype=wp.int32, device=device)
-    return float(_depths(kernels, world, shapes, q, shapes.end, device).max())
+    return PenetrationProbe(obstacles).depth(points, t) if len(obstacles) else 0.0
 
 
 def check_start(model: Model, state: State) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from ...diagnostics import count_intersections, penetration
+from ...diagnostics import PenetrationProbe, count_intersections
 from ...errors import InputError, UsdError
 from ...obstacles import Obstacle
 from .check_samples import SampleCheck
@@ -53,6 +53,7 @@ class _Check:
         self.errors = metadata_errors(stage, self.ours)
         self.checks = [SampleCheck(prim) for prim in prims]
         self.obstacles = self._read_obstacles()
+        self.probe = PenetrationProbe(self.obstacles)
         self.codes = sorted(set().union(*(check.codes for check in self.checks)))
         self.deepest = 0.0
         self.deepest_frame: float | None = None
@@ -92,7 +93,7 @@ class _Check:
         if not present:
             return
         points = np.concatenate([state for _, state in present])
-        depth = penetration(points, self.obstacles, code / self.stage.GetTimeCodesPerSecond())
+        depth = self.probe.depth(points, code / self.stage.GetTimeCodesPerSecond())
         if depth > self.deepest:
             self.deepest, self.deepest_frame = depth, code
         if crossings:

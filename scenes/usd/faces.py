@@ -36,6 +36,5 @@ def face_fault(mesh: UsdGeom.Mesh, count: int) -> str | None:
 def _faces(mesh: UsdGeom.Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Corners of each face, and the vertex of each corner."""
     first = Usd.TimeCode.EarliestTime()  # where a value is sampled but has no default
-    both = (a.Get(first) for a in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()))
-    counts, corners = (np.array(values if values is not None else [], np.int32) for values in both)
-    return counts, corners
+    counts, corners = mesh.GetFaceVertexCountsAttr().Get(first), mesh.GetFaceVertexIndicesAttr().Get(first)
+    return np.array([] if counts is None else counts, np.int32), np.array([] if corners is None else corners, np.int32)

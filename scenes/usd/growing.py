@@ -25,7 +25,7 @@ class GrowingStage:
 
     def __init__(self, target: Target, fps: float, provenance: Mapping[str, Any]):
         self.target = target
-        self.stage: Any = create_stage(target.partial, fps, provenance)  # None once it is closed
+        self.stage = create_stage(target.partial, fps, provenance)
         self._doing = f"Cannot write the cache {target.final.name}"
         self._unsaved_bytes = 0
         self._saved_frames = 0
@@ -34,18 +34,17 @@ class GrowingStage:
         """Takes note of ``size`` more bytes in memory."""
         self._unsaved_bytes += size
 
-    def save_when_due(self, first_frame: int, last_frame: int) -> None:
+    def save_when_due(self, frames: range) -> None:
         """Saves if enough has come together; call it after whole frames only."""
-        frames = last_frame - first_frame + 1
-        if self._unsaved_bytes >= SAVE_BYTES or frames >= 2 * self._saved_frames:
-            self.save_frames(first_frame, last_frame)
+        if self._unsaved_bytes >= SAVE_BYTES or len(frames) >= 2 * self._saved_frames:
+            self.save_frames(frames)
 
-    def save_frames(self, first_frame: int, last_frame: int) -> None:
-        """Saves everything, with the frames from ``first_frame`` to ``last_frame`` as the range of the stage."""
-        self.stage.SetStartTimeCode(first_frame)
-        self.stage.SetEndTimeCode(last_frame)
+    def save_frames(self, frames: range) -> None:
+        """Saves everything, with ``frames`` as the range of the stage."""
+        self.stage.SetStartTimeCode(frames[0])
+        self.stage.SetEndTimeCode(frames[-1])
         self.save()
-        self._saved_frames = last_frame - first_frame + 1
+        self._saved_frames = len(frames)
 
     def save(self) -> None:
         """Saves everything.
@@ -61,7 +60,7 @@ class GrowingStage:
 
     def finish(self) -> Path:
         """Closes the saved stage, converts it if need be, and gives it its final name."""
-        self.stage = None
+        del self.stage
         with as_usd_error(self._doing):
             self._convert()
             publish(self.target)
@@ -73,7 +72,7 @@ class GrowingStage:
 
     def discard(self) -> None:
         """Closes the stage and removes its file."""
-        self.stage = None
+        del self.stage
         self.target.partial.unlink(missing_ok=True)
 
     def _convert(self) -> None:

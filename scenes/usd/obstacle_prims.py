@@ -34,12 +34,12 @@ class ObstaclePrim:
         self.obstacle = obstacle
         self.deforming: tuple[MeshObstacle, MeshPrim] | None = None
         if isinstance(obstacle, MeshObstacle):
-            deforms = obstacle.sample_times is not None
-            self.placement = placement(np.zeros(3) if deforms else obstacle.centre)
+            sampled = obstacle.sample_times is not None
+            self.placement = placement(np.zeros(3) if sampled else obstacle.centre)
             mesh = MeshPrim(stage, path, obstacle.points - self.placement[:3, 3], obstacle.triangles)
-            self.deforming = (obstacle, mesh) if deforms else None
+            UsdPhysics.MeshCollisionAPI.Apply(mesh.prim).CreateApproximationAttr(UsdPhysics.Tokens.none)
             self.prim = mesh.prim
-            UsdPhysics.MeshCollisionAPI.Apply(self.prim).CreateApproximationAttr(UsdPhysics.Tokens.none)
+            self.deforming = (obstacle, mesh) if sampled else None
         else:
             self.prim, self.placement = _SHAPES[type(obstacle)](stage, path, obstacle, surroundings)
         self._create_ops()
@@ -49,7 +49,7 @@ class ObstaclePrim:
         """Sets the pose at ``time`` [s] if it ever changes; returns the bytes held in memory."""
         if not self.obstacle.moves:
             return 0
-        if self.deforming is not None:
+        if self.deforming:
             obstacle, mesh = self.deforming
             return mesh.set_points(obstacle.points_at(time), code)
         self._set_pose(self.obstacle.matrix(time) @ self.placement, code)
@@ -59,7 +59,7 @@ class ObstaclePrim:
         """Takes back what was set at time ``code``."""
         self.translate.ClearAtTime(code)
         self.orient.ClearAtTime(code)
-        if self.deforming is not None:
+        if self.deforming:
             self.deforming[1].drop(code)
 
     def _create_ops(self) -> None:

@@ -14,8 +14,8 @@ class VelocityFit:
     """Fits velocities v of inner frames to central differences c of the points: v = gain · c, by least squares.
 
     Single frames prove nothing: cloth that lands stops between two of them. So all are fitted together, and the
-    standard error of the gain is taken from the scatter over frames. Springs may vibrate faster than the frame rate,
-    and then points and velocities have rightly little to do with each other; so only points on smooth paths are used.
+    standard error of the gain is taken from the scatter over frames. Springs may vibrate faster than the frame rate;
+    points and velocities then rightly have little to do with each other, so only points on smooth paths are used.
     """
 
     def __init__(self, codes_per_second: float):

@@ -57,8 +57,7 @@ class CacheWriter:
             raise InputError(f"Cannot write a cache at {fps} frames per second; it must be a number greater than 0.")
         _check_cloths(cloths)
         self.fps = float(fps)
-        self._first: int | None = None
-        self._last: int | None = None
+        self._written = range(0)
         self._begun: int | None = None  # the frame being written, for as long as it is incomplete
         self._closed = False
         self._file = GrowingStage(output_target(path), self.fps, provenance or {})
@@ -71,7 +70,7 @@ class CacheWriter:
     @property
     def frames(self) -> int:
         """How many frames are complete."""
-        return 0 if self._first is None or self._last is None else self._last - self._first + 1
+        return len(self._written)
 
     def write(self, frame: int, points: Mapping[str, np.ndarray], velocities: Mapping[str, np.ndarray]) -> None:
         """Writes one frame of every cloth and obstacle.
@@ -93,10 +92,9 @@ class CacheWriter:
             self._file.added(cloth.write(frame, points[name], velocities[name]))
         for obstacle in self._obstacles:
             self._file.added(obstacle.write(frame, frame / self.fps))
-        self._first = frame if self._first is None else self._first
-        self._last = frame
+        self._written = range(self._written[0] if self._written else frame, frame + 1)
         self._begun = None
-        self._file.save_when_due(self._first, self._last)
+        self._file.save_when_due(self._written)
 
     def close(self) -> Path | None:
         """Completes the file with the frames written so far; returns its path, or None if there is not one frame.
@@ -106,12 +104,12 @@ class CacheWriter:
         """
         if self._closed:
             return self._file.target.final if self.frames else None
-        if self._first is None or self._last is None:
+        if self.frames == 0:
             self.abort()
             return None
         self._drop_incomplete_frame()
         self._closed = True
-        self._file.save_frames(self._first, self._last)
+        self._file.save_frames(self._written)
         return self._file.finish()
 
     def abort(self) -> None:
@@ -148,8 +146,8 @@ class CacheWriter:
             number = operator.index(frame)
         except TypeError:
             raise UsdError(f"Cannot write frame {frame!r} to {name}: frames are integers.") from None
-        if self._last is not None and number != self._last + 1:
-            raise UsdError(f"Cannot write frame {number} to {name}: the next frame is {self._last + 1}.")
+        if self._written and number != self._written.stop:
+            raise UsdError(f"Cannot write frame {number} to {name}: the next frame is {self._written.stop}.")
         return number
 
     def _check_samples(self, frame: int, samples: Mapping[str, np.ndarray], what: str) -> None:
@@ -162,16 +160,14 @@ class CacheWriter:
 
     def _drop_incomplete_frame(self) -> None:
         """After an interrupt in the middle of :meth:`write`, when some prims have the frame and others do not."""
-        if self._begun is None or self._begun == self._last:
+        if self._begun is None or self._begun in self._written:
             return
         for prim in [*self._cloths.values(), *self._obstacles]:
             prim.drop(self._begun)
 
 
 def _drawn(stage: Usd.Stage, path: Sdf.Path, cloth: Cloth | Network) -> ClothPrim | NetworkPrim:
-    if isinstance(cloth, Network):
-        return NetworkPrim(stage, path, cloth)
-    return ClothPrim(stage, path, cloth)
+    return NetworkPrim(stage, path, cloth) if isinstance(cloth, Network) else ClothPrim(stage, path, cloth)
 
 
 def _check_cloths(cloths: Sequence[Cloth | Network]) -> None:
