@@ -84,6 +84,14 @@ def out_of_range(stage: Usd.Stage) -> None:
     indices.Set(Vt.IntArray.FromNumpy(values))
 
 
+def freeze_points(stage: Usd.Stage) -> None:
+    """Velocities say that it moves."""
+    for name in ("points", "normals", "extent"):
+        attribute = flag(stage).GetPrim().GetAttribute(name)
+        for code in attribute.GetTimeSamples():
+            attribute.Set(attribute.Get(0), code)
+
+
 def drop_provenance(stage: Usd.Stage) -> None:
     stage.GetRootLayer().customLayerData = {}
 
@@ -136,6 +144,7 @@ FAULTS = {
     "reversed velocities": (edit_samples("velocities", np.negative, EVERY), "-1 times the rate of change"),
     "zero velocities": (edit_samples("velocities", np.zeros_like, EVERY), "0 times the rate of change"),
     "shuffled velocities": (edit_samples("velocities", lambda a: np.roll(a, 1, axis=1), EVERY), "0 times the rate"),
+    "frozen points": (freeze_points, "has velocities, but its points do not move"),
     "sampled topology": (sample_topology, "has a sampled faceVertexIndices"),
     "invalid topology": (out_of_range, "has invalid faces"),
     "no counts": (remove_attribute("faceVertexCounts"), "has no faceVertexCounts"),

@@ -172,6 +172,17 @@ def test_both_validators_are_content(tmp_path, extension):
     assert sorted(p.name for p in tmp_path.iterdir()) == [path.name]
 
 
+def test_nvidias_minimal_placeable_visual_is_met(cache):
+    from usd_validation_nvidia import FeatureRegistry, ValidationEngine
+
+    registry = FeatureRegistry()
+    (feature,) = [f for f in registry.values() if f.id == "com.nvidia.usd.minimal_placeable_visual"]
+    assert registry.get_requirements(feature)
+    engine = ValidationEngine(init_rules=False)
+    engine.enable_feature(feature)
+    assert [issue.message for issue in engine.validate(str(cache)).issues()] == []
+
+
 def test_rest_pose_alone_is_valid(cache, tmp_path):
     """Several validators skip animated meshes, so show them the default values without samples."""
     from usd_validation_nvidia import ValidationEngine
