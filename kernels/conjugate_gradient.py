@@ -13,6 +13,9 @@ from .precision import OPTIONS, mat33, real, vec3
 
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
+WINDOW = wp.constant(8)
+EASY = wp.constant(wp.float64(1.0e-6))
+
 
 @wp.struct
 class Lanes:
@@ -34,7 +37,9 @@ class Solves:
     rz: wp.array(dtype=wp.float64)
     alpha: wp.array(dtype=wp.float64)
     beta: wp.array(dtype=wp.float64)
+    first_rz: wp.array(dtype=wp.float64)
     decrease: wp.array(dtype=wp.float64)
+    mark: wp.array(dtype=wp.float64)
     remaining: wp.array(dtype=wp.int32)
 
 
@@ -109,6 +114,8 @@ def begin_worlds(
     w = wp.tid()
     rz = world_sum(lanes, w, partial)
     solves_out.rz[w] = rz
+    solves_out.first_rz[w] = rz
+    solves_out.mark[w] = wp.float64(0.0)
     solves_out.iterations[w] = 0
     solves_out.indefinite[w] = 0
     solves_out.decrease[w] = wp.float64(0.0)
@@ -198,16 +205,17 @@ def judge(
     lanes: Lanes,
     # State in
     partial: wp.array(dtype=wp.float64),
-    tolerance: wp.float64,
+    world_tolerance: wp.array(dtype=wp.float64),
     max_iterations: wp.int32,
     # Out
     solves_out: Solves,
 ):
     """β, and whether to go on.
 
-    The iteration k that lowers the quadratic model by α r·z, out of ``decrease`` so far, is the last one when
-    k α r·z ≤ tolerance² decrease (Nash and Sofer 1990): the error in the energy norm, unlike the residual, falls
-    steadily, and smooth modes, whose residual is small, count in it.
+    Each iteration lowers the quadratic model, which is the square of the error in the energy norm, by α r·z. The solve
+    ends when the latest ``WINDOW`` iterations contributed at most tolerance² of what all did (Hestenes and Stiefel's
+    estimate): unlike the residual that error falls steadily, and smooth modes, whose residual is small, count in it.
+    Easy systems end before that, by their residual.
     """
     w = wp.tid()
     if solves_out.active[w] == 0:
@@ -220,7 +228,12 @@ def judge(
     solves_out.rz[w] = rz
     solves_out.iterations[w] = k
     solves_out.decrease[w] = decrease
-    small = wp.float64(k) * gain <= tolerance * tolerance * decrease
+    tolerance = world_tolerance[w]
+    square = tolerance * tolerance
+    small = rz <= EASY * square * solves_out.first_rz[w]
+    if k % WINDOW == 0:
+        small = small or decrease - solves_out.mark[w] <= square * decrease
+        solves_out.mark[w] = decrease
     if small or solves_out.indefinite[w] == 1 or k >= max_iterations or not rz > wp.float64(0.0):
         solves_out.active[w] = 0
         wp.atomic_sub(solves_out.remaining, 0, 1)

@@ -12,11 +12,14 @@ from .precision import OPTIONS, real, vec3
 
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
+FADE = wp.constant(0.5)
+
 
 @wp.struct
 class Worlds:
     """Newton's method in each world: is it still at work, its iterations, the latest update (root mean square [m/s])
-    with its step length and projection; totals over all steps; and how many worlds are at work or searching."""
+    with its step length; for the next one the accuracy of the linear solve, whether the matrix is projected, and the
+    update below which it no longer is; totals over all steps; and how many worlds are at work or searching."""
 
     active: wp.array(dtype=wp.int32)
     searching: wp.array(dtype=wp.int32)
@@ -24,6 +27,7 @@ class Worlds:
     cg_iterations: wp.array(dtype=wp.int32)
     update: wp.array(dtype=wp.float64)
     step: wp.array(dtype=wp.float64)
+    forcing: wp.array(dtype=wp.float64)
     project: wp.array(dtype=real)
     mass: wp.array(dtype=wp.float64)
     converged: wp.array(dtype=wp.int32)
@@ -36,6 +40,8 @@ class Worlds:
 
 @wp.kernel
 def start_worlds(
+    # State in
+    loosest: wp.float64,
     # Out
     worlds_out: Worlds,
 ):
@@ -46,7 +52,9 @@ def start_worlds(
     worlds_out.iterations[w] = 0
     worlds_out.cg_iterations[w] = 0
     worlds_out.converged[w] = 0
-    worlds_out.project[w] = real(0.0)
+    worlds_out.update[w] = wp.float64(0.0)
+    worlds_out.forcing[w] = loosest
+    worlds_out.project[w] = real(1.0)
     wp.atomic_add(worlds_out.at_work, 0, 1)
 
 
@@ -128,15 +136,18 @@ def start_search_worlds(
     # Out
     worlds_out: Worlds,
 ):
-    """Worlds at work try the full step first; ``at_search`` must be 0 before."""
+    """Worlds at work try the full step first, but none of an indefinite matrix; ``at_search`` must be 0 before."""
     w = wp.tid()
-    worlds_out.searching[w] = worlds_out.active[w]
+    worlds_out.searching[w] = 0
     if worlds_out.active[w] == 0:
         return
     worlds_out.cg_iterations[w] = worlds_out.cg_iterations[w] + solves.iterations[w]
     worlds_out.update[w] = wp.sqrt(world_sum(lanes, w, partial) / worlds_out.mass[w])
-    worlds_out.step[w] = wp.float64(1.0)
-    wp.atomic_add(worlds_out.at_search, 0, 1)
+    worlds_out.step[w] = wp.float64(0.0)
+    if solves.indefinite[w] == 0:
+        worlds_out.searching[w] = 1
+        worlds_out.step[w] = wp.float64(1.0)
+        wp.atomic_add(worlds_out.at_search, 0, 1)
 
 
 @wp.kernel
@@ -196,12 +207,37 @@ def judge_step(
         wp.atomic_sub(worlds_out.at_search, 0, 1)
 
 
+@wp.func
+def prepare_next(worlds_out: Worlds, w: wp.int32, indefinite: wp.int32, loosest: wp.float64, tightest: wp.float64):
+    """How the next linear system is made and solved.
+
+    Projection makes far steps safe, its absence makes the last ones converge faster than linearly; so it fades while
+    full steps are taken, and returns when they are not, or when the matrix is found indefinite. Linear solves are accurate when it is gone:
+    before that, they would only make a wrong direction exact.
+    """
+    project = worlds_out.project[w]
+    if indefinite == 1:
+        project = real(1.0)
+    elif worlds_out.step[w] == wp.float64(1.0):
+        project = real(FADE) * project
+        if project < real(0.05):
+            project = real(0.0)
+    else:
+        project = wp.min(real(1.0), real(2.0) * project + real(0.05))
+    worlds_out.project[w] = project
+    worlds_out.forcing[w] = loosest
+    if project == real(0.0):
+        worlds_out.forcing[w] = tightest
+
+
 @wp.kernel
 def judge_worlds(
     # State in
     solves: Solves,
     tolerance: wp.float64,
     max_iterations: wp.int32,
+    loosest: wp.float64,
+    tightest: wp.float64,
     # Out
     worlds_out: Worlds,
 ):
@@ -211,10 +247,8 @@ def judge_worlds(
         return
     k = worlds_out.iterations[w] + 1
     worlds_out.iterations[w] = k
-    whole = worlds_out.step[w] == wp.float64(1.0) and solves.indefinite[w] == 0
-    done = whole and worlds_out.update[w] <= tolerance
-    if solves.indefinite[w] == 1:
-        worlds_out.project[w] = real(1.0)
+    done = worlds_out.step[w] == wp.float64(1.0) and worlds_out.update[w] <= tolerance
+    prepare_next(worlds_out, w, solves.indefinite[w], loosest, tightest)
     if not done and k < max_iterations:
         return
     worlds_out.active[w] = 0

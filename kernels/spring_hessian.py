@@ -1,7 +1,7 @@
 """Stiffness and damping matrices of a spring network, never stored: their products and 3×3 diagonal blocks.
 
 Both come from the law of ``spring_law.py``. The matrix is a K + b C with K = −∂f/∂x of the elastic force and
-C = −∂f/∂v; what changes in the damping force as the spring turns, which is not symmetric, is left out.
+C = −∂f/∂v; of what changes in the damping force as the spring turns, the symmetric part.
 """
 
 import sys
@@ -15,9 +15,9 @@ wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
 
 @wp.func
-def spring_matrix(d: vec3, rest_length: real, k_s: real, k_d: real, project: real, a: real, b: real):
+def spring_matrix(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real, project: real, a: real, b: real):
     """a K + b C of one spring."""
-    k = spring_stiffness_matrix(d, rest_length, k_s, project)
+    k = spring_stiffness_matrix(d, u, rest_length, k_s, k_d, project)
     c = spring_damping_matrix(d, rest_length, k_d)
     return mat33(a * k + b * c)
 
@@ -33,6 +33,7 @@ def scatter_products(
     # State in
     world_project: wp.array(dtype=real),
     particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
     x: wp.array(dtype=vec3),
     a: real,
     b: real,
@@ -43,8 +44,9 @@ def scatter_products(
     s = wp.tid()
     ends = spring_indices[s]
     d = particle_q[ends[1]] - particle_q[ends[0]]
+    u = particle_qd[ends[1]] - particle_qd[ends[0]]
     project = world_project[particle_world[ends[0]]]
-    k = spring_matrix(d, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
+    k = spring_matrix(d, u, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
     y = k * (x[ends[1]] - x[ends[0]])
     wp.atomic_sub(product_out, ends[0], y)
     wp.atomic_add(product_out, ends[1], y)
@@ -63,6 +65,7 @@ def gather_products(
     # State in
     world_project: wp.array(dtype=real),
     particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
     x: wp.array(dtype=vec3),
     a: real,
     b: real,
@@ -78,7 +81,8 @@ def gather_products(
         ends = spring_indices[s]
         other = ends[0] + ends[1] - i
         d = particle_q[other] - particle_q[i]
-        k = spring_matrix(d, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
+        u = particle_qd[other] - particle_qd[i]
+        k = spring_matrix(d, u, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
         total += k * (x[i] - x[other])
     product_out[i] = product_out[i] + total
 
@@ -96,6 +100,7 @@ def diagonal(
     # State in
     world_project: wp.array(dtype=real),
     particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
     a: real,
     b: real,
     # Out
@@ -109,5 +114,6 @@ def diagonal(
         s = particle_spring_ids[j]
         ends = spring_indices[s]
         d = particle_q[ends[1]] - particle_q[ends[0]]
-        total += spring_matrix(d, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
+        u = particle_qd[ends[1]] - particle_qd[ends[0]]
+        total += spring_matrix(d, u, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
     blocks_out[i] = blocks_out[i] + total

@@ -39,22 +39,29 @@ def spring_energy(d: vec3, rest_length: real, k_s: real):
 
 
 @wp.func
-def spring_stiffness_matrix(d: vec3, rest_length: real, k_s: real, project: real):
-    """Second derivative of the energy with respect to d [N/m], a 3×3 matrix.
+def spring_stiffness_matrix(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real, project: real):
+    """Derivative of the force on q with respect to −d [N/m], a 3×3 matrix; its symmetric part.
 
-    K = (k_s/r) [ n nᵀ + (1 − r/|d|) (I − n nᵀ) ]. A compressed spring has negative transverse stiffness; with
-    ``project = 1`` that part is left out, which makes K positive semi-definite (Choi and Ko 2002), with 0 it stays.
+    With the tension T = k_s (|d|/r − 1) + k_d (u·n)/r it is K = (k_s/r) n nᵀ + (T/|d|) (I − n nᵀ), without damping the
+    second derivative of the energy; and damping adds the symmetric part of (k_d/r) n wᵀ, w = (I − n nᵀ) u/|d| being the
+    rate at which the spring turns. A compressed spring has negative transverse stiffness; with ``project = 1`` that and
+    the part of w are left out, which makes K positive semi-definite (Choi and Ko 2002), with 0 they stay, in between
+    they are scaled.
     """
     length = wp.length(d)
     n = direction(d)
+    rate = wp.dot(u, n)
     transverse = real(0.0)
+    w = vec3()
     if length > real(0.0):
-        transverse = real(1.0) - rest_length / length
-    if project > real(0.0):
-        transverse = wp.max(transverse, real(0.0))
+        transverse = (k_s * (length / rest_length - real(1.0)) + k_d * rate / rest_length) / length
+        w = (real(0.5) * k_d / (rest_length * length)) * (u - rate * n)
+    if transverse < real(0.0):
+        transverse = (real(1.0) - project) * transverse
+    w = (real(1.0) - project) * w
     nn = wp.outer(n, n)
     identity = wp.identity(n=3, dtype=real)
-    return (k_s / rest_length) * (nn + transverse * (identity - nn))
+    return mat33((k_s / rest_length) * nn + transverse * (identity - nn) + wp.outer(n, w) + wp.outer(w, n))
 
 
 @wp.func

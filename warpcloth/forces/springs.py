@@ -48,7 +48,7 @@ class Springs:
         if self.assembly == "gather":
             kernel, dim = model.kernels.spring_hessian.gather_products, model.particle_count
             rows = [model.particle_spring_start, model.particle_spring_ids]
-        where = [at.world_project, at.state.particle_q, x, at.stiffness, at.damping]
+        where = [at.world_project, at.state.particle_q, at.state.particle_qd, x, at.stiffness, at.damping]
         inputs = [*rows, model.particle_world, *self._law(), *where]
         wp.launch(kernel, dim=dim, inputs=inputs, outputs=[out], device=model.device)
 
@@ -56,7 +56,7 @@ class Springs:
         """Adds the diagonal blocks of a K + b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
         model = self.model
         rows = [model.particle_spring_start, model.particle_spring_ids, model.particle_world]
-        where = [at.world_project, at.state.particle_q, at.stiffness, at.damping]
+        where = [at.world_project, at.state.particle_q, at.state.particle_qd, at.stiffness, at.damping]
         wp.launch(
             model.kernels.spring_hessian.diagonal,
             dim=model.particle_count,

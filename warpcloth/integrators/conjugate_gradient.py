@@ -20,8 +20,7 @@ class ConjugateGradient:
 
     Args:
         model: the model.
-        tolerance: where to stop, as an error of x relative to x in the energy norm (estimated).
-        max_iterations: where to stop anyway.
+        max_iterations: where solves end, accurate or not.
 
     Attributes:
         x: the solution, vec3, shape [particle_count]; 0 for pinned particles.
@@ -30,8 +29,8 @@ class ConjugateGradient:
         lanes, lane_count: how particles are divided for sums.
     """
 
-    def __init__(self, model: Model, tolerance: float, max_iterations: int):
-        self.model, self.tolerance, self.max_iterations = model, tolerance, max_iterations
+    def __init__(self, model: Model, max_iterations: int):
+        self.model, self.max_iterations = model, max_iterations
         self.kernels = model.kernels.conjugate_gradient
         self.lanes, self.lane_count = _make_lanes(model)
         self.partial = wp.zeros(self.lane_count, dtype=wp.float64, device=model.device)
@@ -41,12 +40,22 @@ class ConjugateGradient:
         self.solves = self.kernels.Solves()
         for name in ("active", "iterations", "indefinite"):
             setattr(self.solves, name, wp.zeros(model.world_count, dtype=wp.int32, device=model.device))
-        for name in ("rz", "alpha", "beta", "decrease"):
+        for name in ("rz", "first_rz", "alpha", "beta", "decrease", "mark"):
             setattr(self.solves, name, wp.zeros(model.world_count, dtype=wp.float64, device=model.device))
         self.solves.remaining = wp.zeros(1, dtype=wp.int32, device=model.device)
 
-    def solve(self, forces: Hessian, at: Linearization, world_active: wp.array, residual: wp.array) -> None:
-        """Leaves the solution in ``x``, and 0 in worlds where ``world_active`` (int32, shape [world_count]) is 0."""
+    def solve(
+        self,
+        forces: Hessian,
+        at: Linearization,
+        residual: wp.array,
+        world_active: wp.array,
+        world_tolerance: wp.array,
+    ) -> None:
+        """Leaves the solution in ``x``, and 0 in worlds where ``world_active`` (int32, shape [world_count]) is 0.
+
+        ``world_tolerance`` (float64) is the error of x, relative to x, in the energy norm (estimated).
+        """
         model = self.model
         self._factor(forces, at)
         state = [world_active, residual, self._blocks]
@@ -54,7 +63,7 @@ class ConjugateGradient:
         self._launch("begin", self.lane_count, [self.lanes, model.particle_mass, *state], vectors)
         self.solves.remaining.zero_()
         self._launch("begin_worlds", model.world_count, [self.lanes, self.partial], [self.solves])
-        repeat_while(self.solves.remaining, lambda: self._iterate(forces, at), self.max_iterations)
+        repeat_while(self.solves.remaining, lambda: self._iterate(forces, at, world_tolerance), self.max_iterations)
 
     def _factor(self, forces: Hessian, at: Linearization) -> None:
         model = self.model
@@ -64,7 +73,7 @@ class ConjugateGradient:
         masses = [model.particle_mass, model.particle_inv_mass]
         self._launch("invert_blocks", model.particle_count, masses, [self._blocks])
 
-    def _iterate(self, forces: Hessian, at: Linearization) -> None:
+    def _iterate(self, forces: Hessian, at: Linearization, world_tolerance: wp.array) -> None:
         model, lanes, solves = self.model, self.lanes, self.solves
         forces.hessian_product(at, self._p, self._ap)
         self._launch("curvature", self.lane_count, [lanes, self._p, self._ap], [self.partial])
@@ -75,7 +84,7 @@ class ConjugateGradient:
             [lanes, model.particle_inv_mass, solves, self._blocks, self._p, self._ap],
             [self.x, self._r, self.partial],
         )
-        limits = [self.tolerance, self.max_iterations]
+        limits = [world_tolerance, self.max_iterations]
         self._launch("judge", model.world_count, [lanes, self.partial, *limits], [solves])
         inputs = [model.particle_mass, model.particle_world, solves, self._blocks, self._r]
         self._launch("turn", model.particle_count, inputs, [self._p, self._ap])

@@ -38,11 +38,10 @@ class LinearlyImplicit(Integrator):
     def __init__(self, model: Model, *, cg_tolerance: float | None = None, cg_iterations: int = 1000):
         if cg_tolerance is None:
             cg_tolerance = 1e-10 if model.precision == "float64" else 1e-4
-        self.cg = ConjugateGradient(
-            model,
-            validate.number(cg_tolerance, "cg_tolerance", above=0.0, maximum=1.0),
-            validate.integer(cg_iterations, "cg_iterations", minimum=1, maximum=1_000_000),
-        )
+        cg_tolerance = validate.number(cg_tolerance, "cg_tolerance", above=0.0, maximum=1.0)
+        cg_iterations = validate.integer(cg_iterations, "cg_iterations", minimum=1, maximum=1_000_000)
+        self.cg = ConjugateGradient(model, cg_iterations)
+        self._tolerance = model.array(np.full(model.world_count, cg_tolerance), wp.float64)
         self._residual, self._velocity, self._change = (wp.zeros_like(model.particle_q) for _ in range(3))
         self._ones = model.array(np.ones(model.world_count), model.real)
         self._everywhere = wp.ones(model.world_count, dtype=wp.int32, device=model.device)
@@ -55,7 +54,7 @@ class LinearlyImplicit(Integrator):
         self._place_pins(model, state_in, state_out, dt)
         self._right_side(model, state_in, forces, dt)
         at = Linearization(state_in, dt * dt if self.elastic else 0.0, dt, self._ones)
-        self.cg.solve(forces, at, self._everywhere, self._residual)
+        self.cg.solve(forces, at, self._residual, self._everywhere, self._tolerance)
         start = [state_in.particle_q, state_in.particle_qd]
         inputs = [model.particle_inv_mass, *start, self.cg.x, dt]
         self._launch(model, "apply_change", inputs, [state_out.particle_q, state_out.particle_qd])

@@ -114,9 +114,10 @@ class _ByCg:
 
     def __init__(self, model: Model, rows: SpringRows, max_iterations: int):
         self.model, self.rows = model, rows
-        self.cg = ConjugateGradient(model, CG_TOLERANCE, max_iterations)
+        self.cg = ConjugateGradient(model, max_iterations)
         self.residual = wp.zeros_like(model.particle_q)
         self.world_project = wp.ones(model.world_count, dtype=model.real, device=model.device)
+        self.world_tolerance = wp.full(model.world_count, CG_TOLERANCE, dtype=wp.float64, device=model.device)
         self.world_active = wp.ones(model.world_count, dtype=wp.int32, device=model.device)
 
     def begin(self, state: State, dt: float) -> None:
@@ -129,7 +130,7 @@ class _ByCg:
         masses = [model.particle_mass, model.particle_inv_mass]
         state, dt = self.at.state, self.at.damping
         launch(model, "residual", [*masses, *rows, state.particle_q, inertial, now, dt], self.residual)
-        self.cg.solve(self, self.at, self.world_active, self.residual)
+        self.cg.solve(self, self.at, self.residual, self.world_active, self.world_tolerance)
         launch(model, "correct", [self.cg.x], now)
         return now, spare
 
