@@ -212,8 +212,8 @@ def prepare_next(worlds_out: Worlds, w: wp.int32, indefinite: wp.int32, loosest:
     """How the next linear system is made and solved.
 
     Projection makes far steps safe, its absence makes the last ones converge faster than linearly; so it fades while
-    full steps are taken, and returns when they are not, or when the matrix is found indefinite. Linear solves are accurate when it is gone:
-    before that, they would only make a wrong direction exact.
+    full steps are taken, and returns when they are not, or when the matrix is found indefinite. Linear solves are
+    accurate when it is gone: before that, they would only make a wrong direction exact.
     """
     project = worlds_out.project[w]
     if indefinite == 1:

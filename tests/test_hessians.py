@@ -68,6 +68,16 @@ def dense_matrix(forces: Forces, at: Linearization) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
+def test_stiffness_of_damped_springs_is_the_symmetric_part_of_the_slope():
+    model = random_model(k_d=3.0)
+    forces, state, n = forces_of(model), State.of(model), model.particle_count
+    units = np.eye(3 * n).reshape(-1, n, 3)
+    slope = -np.stack([force_slope(forces, state, "particle_q", unit).reshape(-1) for unit in units], axis=1)
+    assert np.abs(slope - slope.T).max() > 1e-3 * np.abs(slope).max()
+    got = dense_matrix(forces, linearization(model, 1.0, 0.0))
+    assert np.abs(got - 0.5 * (slope + slope.T)).max() <= 1e-7 * np.abs(slope).max()
+
+
 def test_diagonal_blocks_are_those_of_the_matrix():
     model = random_model()
     forces = forces_of(model)
@@ -80,15 +90,18 @@ def test_diagonal_blocks_are_those_of_the_matrix():
     assert np.abs(blocks.numpy() - expected).max() <= 1e-13 * np.abs(expected).max()
 
 
-def test_projection_makes_the_matrix_semidefinite_and_only_adds():
-    model = random_model()
+@pytest.mark.parametrize("k_d", [0.0, 1.0])
+def test_projection_makes_the_matrix_semidefinite(k_d):
+    model = random_model(k_d=k_d)
     forces = forces_of(model)
-    plain, projected = (dense_matrix(forces, linearization(model, 1.0, 0.0, p)) for p in (0.0, 1.0))
+    plain, half, projected = (dense_matrix(forces, linearization(model, 1.0, 0.0, p)) for p in (0.0, 0.5, 1.0))
     scale = np.abs(plain).max()
     assert np.abs(plain - plain.T).max() <= 1e-13 * scale
     assert np.linalg.eigvalsh(plain).min() < -1e-3 * scale  # these springs are compressed
     assert np.linalg.eigvalsh(projected).min() > -1e-12 * scale
-    assert np.linalg.eigvalsh(projected - plain).min() > -1e-12 * scale
+    assert np.abs(half - 0.5 * (plain + projected)).max() <= 1e-13 * scale
+    if k_d == 0.0:
+        assert np.linalg.eigvalsh(projected - plain).min() > -1e-12 * scale
 
 
 def test_zero_length_spring_has_a_finite_matrix():

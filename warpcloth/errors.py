@@ -50,5 +50,9 @@ class StabilityWarning(UserWarning):
     """The steps asked for are too large for the integrator; the message says how many substeps would do."""
 
 
+class ConvergenceWarning(UserWarning):
+    """The solver of an implicit step gave up before it met its tolerance; the message says what helps."""
+
+
 class BadStartError(SimulationError):
     """The initial state is not one that can be simulated, e.g. cloth that starts inside an obstacle."""

@@ -9,7 +9,7 @@ import warp as wp
 
 from . import diagnostics, stability, validate
 from .contact import ObstacleResponse
-from .errors import StabilityWarning
+from .errors import ConvergenceWarning, StabilityWarning
 from .forces import Forces, Springs
 from .integrators import make_integrator
 from .model import Model
@@ -77,6 +77,7 @@ class Simulation:
         self._graphs: dict[tuple[float, int], wp.Graph] = {}
         self._ran: set[tuple[float, int]] = set()
         self._rest_since: float | None = None
+        self._warned = False
         self._judged: set[float] = set()
         if self.contact is not None:
             diagnostics.check_start(model, self.state)
@@ -179,12 +180,20 @@ class Simulation:
             warnings.warn(warning, StabilityWarning, stacklevel=3)
 
     def _look(self, dt: float) -> None:
-        """Stops on non-finite values; keeps track of rest."""
+        """Stops on non-finite values; says so, once, when a solver did not converge; keeps track of rest."""
         rms_speed = diagnostics.check_finite(self.model, self.state, self.time, self.integrator.name, self.substeps)
         if rms_speed > REST_SPEED:
             self._rest_since = None
         elif self._rest_since is None:
             self._rest_since = self.time
+        if self.integrator.implicit and not self._warned and self.integrator.metrics().get("unconverged_steps", 0):
+            self._warned = True
+            warnings.warn(
+                f"{self.integrator.name} did not meet its tolerance in a step before t = {self.time:g} s and went on "
+                "with what it had; use more substeps, allow more iterations, or see metrics()['unconverged_steps'].",
+                ConvergenceWarning,
+                stacklevel=3,
+            )
 
     def _world_gravity(self, gravity: Any) -> wp.array:
         count = self.model.world_count

@@ -50,6 +50,7 @@ class ImplicitScheme(Integrator):
     implicit = True
     symplectic = False
     capturable = True
+    convergence_options: ClassVar[dict[str, Any]] = {"tolerance": 1e-12}
     stage: ClassVar[Stage]
 
     def __init__(

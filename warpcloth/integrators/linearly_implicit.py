@@ -33,6 +33,7 @@ class LinearlyImplicit(Integrator):
     order = 1
     implicit = True
     capturable = True
+    convergence_options: ClassVar[dict[str, Any]] = {"cg_tolerance": 1e-12}
     elastic: ClassVar[bool]
 
     def __init__(self, model: Model, *, cg_tolerance: float | None = None, cg_iterations: int = 1000):
