@@ -9,7 +9,7 @@ import sys
 import warp as wp
 
 from .precision import OPTIONS, mat33, real, vec3
-from .spring_law import spring_damping_matrix, spring_stiffness_matrix
+from .spring_law import spring_damping_matrix, spring_tangent_matrix
 
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
@@ -17,7 +17,7 @@ wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 @wp.func
 def spring_matrix(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real, project: real, a: real, b: real):
     """a K + b C of one spring."""
-    k = spring_stiffness_matrix(d, u, rest_length, k_s, k_d, project)
+    k = spring_tangent_matrix(d, u, rest_length, k_s, k_d, project)
     c = spring_damping_matrix(d, rest_length, k_d)
     return mat33(a * k + b * c)
 

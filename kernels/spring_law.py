@@ -39,7 +39,7 @@ def spring_energy(d: vec3, rest_length: real, k_s: real):
 
 
 @wp.func
-def spring_stiffness_matrix(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real, project: real):
+def spring_tangent_matrix(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real, project: real):
     """Derivative of the force on q with respect to −d [N/m], a 3×3 matrix; its symmetric part.
 
     With the tension T = k_s (|d|/r − 1) + k_d (u·n)/r it is K = (k_s/r) n nᵀ + (T/|d|) (I − n nᵀ), without damping the
@@ -62,6 +62,12 @@ def spring_stiffness_matrix(d: vec3, u: vec3, rest_length: real, k_s: real, k_d:
     nn = wp.outer(n, n)
     identity = wp.identity(n=3, dtype=real)
     return mat33((k_s / rest_length) * nn + transverse * (identity - nn) + wp.outer(n, w) + wp.outer(w, n))
+
+
+@wp.func
+def spring_stiffness_matrix(d: vec3, rest_length: real, k_s: real, project: real):
+    """Second derivative of the energy with respect to d [N/m]: :func:`spring_tangent_matrix` without damping."""
+    return spring_tangent_matrix(d, vec3(), rest_length, k_s, real(0.0), project)
 
 
 @wp.func
