@@ -51,14 +51,17 @@ def solve_springs(
     old = (kept * dt * dt) * spring_force_out[s]
     moved = displacement_out[q] - displacement_out[p] + (w_p + w_q) * old
     d = particle_q[q] - particle_q[p] + moved
-    n = direction(d)
+    length = wp.length(d)
+    inverse = real(0.0)  # a spring of zero length has no direction
+    if length > real(0.0):
+        inverse = real(1.0) / length
     elastic = dt * dt * law[1]
     viscous = dt * law[2]
-    pull = elastic * (wp.length(d) - law[0]) + viscous * wp.dot(n, moved)
-    impulse = (pull / (real(1.0) + (elastic + viscous) * (w_p + w_q))) * n
+    pull = elastic * (length - law[0]) + viscous * wp.dot(d, moved) * inverse
+    impulse = (pull * inverse / (real(1.0) + (elastic + viscous) * (w_p + w_q))) * d
     displacement_out[p] = displacement_out[p] + w_p * (impulse - old)
     displacement_out[q] = displacement_out[q] - w_q * (impulse - old)
-    spring_force_out[s] = impulse / (dt * dt)
+    spring_force_out[s] = (real(1.0) / (dt * dt)) * impulse
 
 
 @wp.kernel
