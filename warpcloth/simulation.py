@@ -12,6 +12,7 @@ from .contact import ObstacleResponse
 from .errors import ConvergenceWarning, StabilityWarning
 from .forces import Forces, Springs
 from .integrators import make_integrator
+from .kinematics import drive_pins
 from .model import Model
 from .state import State
 
@@ -63,6 +64,7 @@ class Simulation:
         self.forces = Forces(model, [Springs(model, assembly)], self._world_gravity(gravity))
         self.contact = ObstacleResponse(model) if validate.flag(contact, "contact") else None
         self.state = State.of(model)
+        drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other = self.state.twin()
         self._auto = isinstance(substeps, str)
         self._auto_dt = 0.0
