@@ -30,8 +30,8 @@ class SpringRows:
         this = np.concatenate([ends[:, 0], ends[:, 1]])
         rows = np.lexsort((np.tile(np.arange(len(ends)), 2), place[this]))
         start = np.concatenate([[0], np.cumsum(np.bincount(place[this], minlength=n))]).astype(np.int32)
-        law = [model.spring_rest_length, model.spring_stiffness, model.spring_damping]
-        law = np.tile(np.stack([a.numpy() for a in law], axis=1), (2, 1))
+        columns = [a.numpy() for a in (model.spring_rest_length, model.spring_stiffness, model.spring_damping)]
+        law = np.tile(np.stack(columns, axis=1), (2, 1))
         self.other = model.array(np.concatenate([ends[:, 1], ends[:, 0]])[rows].astype(np.int32), wp.int32)
         self.law = model.array(law[rows], model.vec3)
         particles, starts = model.array(order.astype(np.int32), wp.int32), model.array(start, wp.int32)
