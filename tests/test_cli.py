@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from pxr import Usd, UsdGeom
 from rich.text import Text
 from warpcloth.scenes import bundled_scenes
 
@@ -61,6 +62,28 @@ def test_what_warp_prints_stays_off_stdout(folder):
     assert "Warp" in done.stderr
 
 
+def test_check_finds_the_cache_of_simulate_sound(folder, capfd):
+    assert simulate_small("-o", "out.usdc") == 0
+    capfd.readouterr()
+    assert run(["check", "out.usdc", "--json"]) == 0
+    out, err = capfd.readouterr()
+    found = json.loads(out)
+    assert {"frames", "particles", "finite", "intersections", "max_penetration_m", "max_strain"} <= set(found)
+    assert (found["frames"], found["particles"], found["finite"], found["usd_errors"]) == (3, 16, True, [])
+    assert err == ""
+    assert run(["check", "out.usdc"]) == 0
+    assert capfd.readouterr().out.startswith("out.usdc: sound")
+
+
+def test_check_of_a_spoilt_cache_has_exit_code_3(folder, capfd):
+    assert simulate_small("-o", "out.usdc") == 0
+    stage = Usd.Stage.Open(str(folder / "out.usdc"))
+    UsdGeom.Mesh.Get(stage, "/World/Cloth/napkin").GetPointsAttr().Set([(float("nan"), 0.0, 0.0)] * 16, 2)
+    stage.Save()
+    assert run(["check", "out.usdc"]) == 3
+    assert "has points that are not finite at frame 2" in capfd.readouterr().out
+
+
 def test_scenes_lists_all_with_title_and_path(capsys):
     assert run(["scenes", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["scenes"]
@@ -92,6 +115,8 @@ MISTAKES = [
     (["simulate", "napkin.toml", "--set", "frames"], "napkin.toml: 'frames' is not of the form path=value"),
     (["simulate", "napkin.toml", "--set", "cloth.0.sise=1"], "the key 'cloth.0.sise' is unknown; did you mean 'size'?"),
     (["simulate", "napkin.toml", "-o", "no/where.usdc"], "the folder"),
+    (["check", "nothing.usdc"], "there is no such file"),
+    (["check", "napkin.toml"], "Cannot read napkin.toml"),
     (["simulate", "napkin.toml", "-o", "where.abc"], "must end in .usdc, .usda or .usdz."),
 ]
 

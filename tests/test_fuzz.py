@@ -245,7 +245,7 @@ def too_long(flag, value):
 @settings(FEW, max_examples=200)
 @given(
     st.lists(
-        st.one_of(values, st.sampled_from(["simulate", "scenes", "integrators", "--json", "--help"])),
+        st.one_of(values, st.sampled_from(["simulate", "scenes", "check", "integrators", "--json", "--help"])),
         max_size=4,
     )
 )
