@@ -104,6 +104,8 @@ def fastest_rates(
 
 def largest_stable_step(model: "Model", integrator: "Integrator") -> float:
     """Largest step [s] that ``integrator`` can safely take in any configuration; infinite if it has no limit."""
+    if math.isinf(integrator.usable_step(*rate_bounds(model))):
+        return math.inf
     return SAFETY * integrator.usable_step(*fastest_rates(model))
 
 
