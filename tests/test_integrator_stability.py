@@ -89,6 +89,14 @@ def test_automatic_substeps_bound_growth(name):
         simulation(oscillator(1e6), "forward_euler", substeps="auto").step(1.0)
 
 
+@pytest.mark.parametrize("name", [n for n in FIXED_STEP if not INTEGRATORS[n].implicit])
+def test_usable_steps_hold_for_modes_of_less_damping(name):
+    for zeta in (0.2, 0.5, 2.0):
+        h = 0.99 * INTEGRATORS[name].usable_step(1.0, 2.0 * zeta)
+        for s in (0.1, 0.3, 0.6, 1.0):  # frequency s, damping in proportion to stiffness
+            assert spectral_radius(step_matrix(name, s * h, s * zeta)) <= math.exp(0.1 * h) + 1e-9
+
+
 @pytest.mark.parametrize(
     ("name", "factor"),
     [
