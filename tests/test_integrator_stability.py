@@ -18,12 +18,13 @@ DAMPING = (0.0, 0.05, 0.5, 1.5)  # ζ
 def step_matrix(name: str, h: float, zeta: float = 0.0) -> np.ndarray:
     """What one step of h does to (x, v) of the oscillator with ω = 1, measured."""
     columns = []
-    for x, v in ((0.25, 0.0), (0.0, 0.25)):
+    size = 0.25 if INTEGRATORS[name].implicit else 0.01  # [m], so small that no stage comes near zero length
+    for x, v in ((size, 0.0), (0.0, size)):
         sim = simulation(oscillator(1.0, zeta, x, v), name, contact=False, check=False, graph=False)
         later = sim.state.twin()
         sim.integrator.step(sim.model, sim.state, later, sim.forces, h)
         end = np.array([later.particle_q.numpy()[1, 0] - 1.0, later.particle_qd.numpy()[1, 0]])
-        columns.append(end / 0.25)
+        columns.append(end / size)
     return np.array(columns).T
 
 
@@ -158,4 +159,4 @@ def test_symplectic_schemes_keep_area(name):
 def test_steps_are_what_their_propagator_says(name):
     for zeta in (0.0, 0.3):
         matrix = np.array([[p(0.7) for p in row] for row in INTEGRATORS[name].propagator(1.0, 2.0 * zeta)])
-        np.testing.assert_allclose(step_matrix(name, 0.7, zeta), matrix, atol=1e-13)
+        np.testing.assert_allclose(step_matrix(name, 0.7, zeta), matrix, atol=1e-12)
