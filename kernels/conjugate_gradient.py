@@ -152,8 +152,7 @@ def step_length(
     # Out
     solves_out: Solves,
 ):
-    """α = r·z / p·A p. Where p·A p ≤ 0 the matrix is indefinite: the solve ends with what it has (Steihaug 1983), in a
-    first iteration with the preconditioned residual itself."""
+    """α = r·z / p·A p. Where p·A p ≤ 0 the matrix is indefinite: the solve ends, and says so."""
     w = wp.tid()
     if solves_out.active[w] == 0:
         return
@@ -163,8 +162,6 @@ def step_length(
         alpha = solves_out.rz[w] / pap
     else:
         solves_out.indefinite[w] = 1
-        if solves_out.iterations[w] == 0:
-            alpha = wp.float64(1.0)
     solves_out.alpha[w] = alpha
 
 

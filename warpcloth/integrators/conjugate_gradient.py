@@ -8,7 +8,6 @@ import warp as wp
 
 from ..forces import Hessian, Linearization
 from ..model import Model
-from .device_loop import repeat_while
 
 GPU_LANE = 32  # particles per lane: short enough that a GPU has enough lanes, long enough that few are left to sum
 
@@ -63,7 +62,7 @@ class ConjugateGradient:
         self._launch("begin", self.lane_count, [self.lanes, model.particle_mass, *state], vectors)
         self.solves.remaining.zero_()
         self._launch("begin_worlds", model.world_count, [self.lanes, self.partial], [self.solves])
-        repeat_while(self.solves.remaining, lambda: self._iterate(forces, at, world_tolerance), self.max_iterations)
+        wp.capture_while(self.solves.remaining, lambda: self._iterate(forces, at, world_tolerance))
 
     def _factor(self, forces: Hessian, at: Linearization) -> None:
         model = self.model
