@@ -128,7 +128,7 @@ def stiff_cloth(count: int = 17) -> Problem:
     return Problem("stiff_cloth", f"Stiff cloth, {count} × {count}", _swinging(stiff, count), 0.25, 1 / 60)
 
 
-def drape_on_sphere(count: int = 25) -> Problem:
+def drape_on_sphere(count: int = 17) -> Problem:
     """Cotton of 0.6 m × 0.6 m, laid on a sphere of radius 0.15 m, begins to drape; with friction.
 
     Contact and folds amplify differences a hundredfold within 0.2 s more, so there is no truth to compare with later.

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcloth import Simulation
+from warpcloth import Model, Simulation
 from warpcloth.errors import SimulationError
 
 from .problems import Problem, Solution
 
 LARGEST_FRAME = 16  # steps that share a graph; more make capturing slow and replay hardly faster
-REPEAT_BELOW = 0.3  # [s] shorter runs are timed three times, unless they fail
+REPEAT_BELOW = 0.15  # [s] shorter runs are timed three times, unless they fail
 HOPELESS = 1e3  # relative error of a run that has diverged
 
 
@@ -31,7 +31,9 @@ class Run:
         evaluations: force evaluations. iterations: of a scheme's linear solver, each about as much work as one of them.
         unconverged: steps whose solver gave up.
         wall_s: median wall time [s], compilation and graph capture excluded. repeats: how many were timed.
+        cpu_s: median processor time of this process [s], which other programs on the machine hardly change.
         position_error, velocity_error: relative to the way and to the speed of the reference; infinite if diverged.
+        strain: mean |strain| of the springs at the end [-].
     """
 
     steps: int
@@ -40,9 +42,11 @@ class Run:
     iterations: int
     unconverged: int
     wall_s: float
+    cpu_s: float
     repeats: int
     position_error: float
     velocity_error: float
+    strain: float
 
     @property
     def work(self) -> int:
@@ -95,18 +99,20 @@ def measure(problem: Problem, integrator: str, steps: int, truth: Solution, opti
         sim = problem.simulation(integrator, substeps, options)
         dt = problem.end / frames
         first = _warm_up(sim, dt)
-        times: list[float] = []
+        times: list[tuple[float, float]] = []
         errors = (0.0, 0.0)
-        while not times or (len(times) < 3 and times[0] < REPEAT_BELOW and errors[0] < HOPELESS):
+        while not times or (len(times) < 3 and times[0][0] < REPEAT_BELOW and errors[0] < HOPELESS):
             rewind(sim)
             before = Counts.of(sim)
             times.append(_timed(sim, frames, dt))
             counts = Counts.of(sim).since(before)
             errors = errors_of(sim, truth)
+        strain = mean_strain(sim.model, sim.state.particle_q.numpy())
     taken = counts.accepted or frames * substeps
     evaluations = counts.all_evaluations(first, frames) if sim.graph else counts.evaluations
     work = (evaluations, counts.linear, counts.unconverged)
-    return Run(taken, problem.end / taken, *work, statistics.median(times), len(times), *errors)
+    wall, cpu = (statistics.median(column) for column in zip(*times, strict=True))
+    return Run(taken, problem.end / taken, *work, wall, cpu, len(times), *errors, strain)
 
 
 @dataclass(frozen=True)
@@ -160,14 +166,15 @@ def try_step(sim: Simulation, dt: float) -> bool:
     return True
 
 
-def _timed(sim: Simulation, frames: int, dt: float) -> float:
+def _timed(sim: Simulation, frames: int, dt: float) -> tuple[float, float]:
+    """Wall time and processor time [s] of a run."""
     wp.synchronize_device(sim.model.device)
-    begun = time.perf_counter()
+    begun, begun_cpu = time.perf_counter(), time.process_time()
     for _ in range(frames):
         if not try_step(sim, dt):
             break
     wp.synchronize_device(sim.model.device)
-    return time.perf_counter() - begun
+    return time.perf_counter() - begun, time.process_time() - begun_cpu
 
 
 def solution(sim: Simulation) -> Solution:
@@ -182,6 +189,12 @@ def errors_of(sim: Simulation, truth: Solution) -> tuple[float, float]:
         scales = np.linalg.norm(truth[0] - start), np.linalg.norm(truth[1])
         errors = [float(np.linalg.norm(a - b) / c) for a, b, c in zip((x, v), truth, scales, strict=True)]
     return (errors[0], errors[1]) if all(math.isfinite(e) for e in errors) else (math.inf, math.inf)
+
+
+def mean_strain(model: Model, points: np.ndarray) -> float:
+    """Mean |strain| of all springs with ``points`` [m] where the particles are."""
+    p, q = model.spring_indices.numpy().T
+    return float(np.abs(np.linalg.norm(points[q] - points[p], axis=1) / model.spring_rest_length.numpy() - 1.0).mean())
 
 
 def as_dict(run: Run) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from . import energy_drift, iterations, stability_limit
 from .families import family
 from .problems import PROBLEMS, Problem
 from .reference import reference
-from .runs import compile_seconds
+from .runs import compile_seconds, mean_strain
 from .scene import scene_problem
 from .work_precision import as_rows, observed_order, sweep
 
@@ -125,12 +125,13 @@ def _precision(problem: Problem, selection: Selection, progress: Progress) -> di
         order = None if known[name].adaptive else observed_order(runs, truth)
         rows[name] = {"compile_s": compile_s, "order": order, "runs": as_rows(runs)}
     model = problem.build(True)
+    strain = mean_strain(model, truth.solution[0])
     return {
         "title": problem.title,
         "end": problem.end,
         "particles": model.particle_count,
         "springs": model.spring_count,
-        "reference": {"method": truth.method, "uncertainty": truth.uncertainty},
+        "reference": {"method": truth.method, "uncertainty": truth.uncertainty, "strain": strain},
         "schemes": rows,
     }
 

@@ -25,10 +25,10 @@ def sweep(problem: Problem, integrator: str, truth: Reference, budget: float, ha
     chooses its own steps and no obstacle bounds them.
 
     The last is the one whose error is as small as the reference can show, or the last before ``budget`` [s] of wall
-    time (three times that for the first three stable runs) or ``halvings`` of stable steps run out.
+    time (four times that for the first three stable runs) or ``halvings`` of stable steps run out.
     """
     runs: list[Run] = []
-    stable, most = 0, 3.0 * budget
+    stable, most = 0, 4.0 * budget
     floor = max(EXACT_ENOUGH, truth.uncertainty)
     for steps, options in _settings(problem, integrator):
         runs.append(measure(problem, integrator, steps, truth.solution, options))
