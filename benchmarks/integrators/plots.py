@@ -144,6 +144,7 @@ def _stability(plt: Any, systems: dict[str, Any], schemes: dict[str, Any]) -> An
         right = 4.0 * max([4.0, *finite])
         for place, name in enumerate(names):
             _bar(ax, place, rows[name], styles[name]["color"], right)
+        ax.set_ylim(-0.6, len(names) - 0.4)
         ax.set_xscale("log")
         ax.set_xlim(0.03, right)
         ax.set_yticks(range(len(names)), names)

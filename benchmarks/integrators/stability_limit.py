@@ -1,7 +1,7 @@
 """The largest stable step, found by bisection on motion about a stable rest, against the theory of ``stable_step``."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,10 +11,10 @@ from warpcloth import Cloth, Fabric, Model, Simulation, stability
 
 from .runs import beyond_limits, try_step
 
-STEPS, FRAMES = 32, 80  # steps per frame; frames of a trial
+STEPS, FRAMES = 32, 40  # steps per frame; frames of a trial
 FEW_STEPS, FEW_FRAMES = 4, 16  # the same for schemes that theory gives no limit, which are slow to step
 GROWTH = 1.02  # of the second half's largest amplitude over the first half's
-NEAR, CLIMB = 0.02, 1.3  # where the search begins, times 2/ω, and by how much it climbs
+NEAR, CLIMB = 0.03, 1.6  # where the search begins, times 2/ω, and by how much it climbs
 FAR = 50.0  # times 2/ω: a scheme stable there has no limit that matters
 PRECISION = 1e-3
 BLOWN_UP = 1e3  # times the first amplitude
@@ -60,25 +60,33 @@ def limit(system: str, integrator: str) -> Limit:
         sim = Simulation(model, integrator, gravity=(0, 0, 0), substeps=1, contact=False, check=False)
         theory = sim.integrator.stable_step(omega, gamma)
         trial = (STEPS, FRAMES) if math.isfinite(theory) else (FEW_STEPS, FEW_FRAMES)
-        measured = _bisect(lambda step: _stable(model, integrator, step, omega, *trial), 2.0 / omega)
+        climb = _climb(2.0 / omega, theory)
+        measured = _bisect(lambda step: _stable(model, integrator, step, omega, *trial), climb)
     return Limit(measured, theory, omega)
 
 
-def _bisect(stable: Callable[[float], bool], scale: float) -> float:
-    """End of the first interval of stable steps; infinite when it reaches ``FAR`` · ``scale``.
+def _climb(scale: float, theory: float) -> list[float]:
+    """Steps to try in turn: a geometric row from ``NEAR`` to ``FAR`` times ``scale``, and one just above ``theory``."""
+    count = math.ceil(math.log(FAR / NEAR, CLIMB))
+    row = [NEAR * scale * (FAR / NEAR) ** (k / count) for k in range(count + 1)]
+    return sorted([*row, 1.03 * theory]) if math.isfinite(theory) else row
+
+
+def _bisect(stable: Callable[[float], bool], climb: Sequence[float]) -> float:
+    """End of the first interval of stable steps; infinite when it reaches beyond ``climb``, 0 when it ends before.
 
     Some schemes are stable again beyond an interval in which they are not, so the search climbs from below.
     """
-    low, high = 0.0, NEAR * scale
-    while stable(high):
-        low, high = high, CLIMB * high
-        if low >= FAR * scale:
-            return math.inf
-    while high - low > PRECISION * high:
+    low, high = 0.0, climb[0]
+    for high in climb:
+        if not stable(high):
+            break
+        low = high
+    if low == high:
+        return math.inf
+    while low > 0.0 and high - low > PRECISION * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if stable(middle) else (low, middle)
-        if high < 1e-3 * scale:
-            return 0.0
     return low
 
 

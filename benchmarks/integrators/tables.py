@@ -24,7 +24,7 @@ def _precision_table(results: dict[str, Any], problem: str) -> Table:
     found = results["problems"][problem]
     truth = found["reference"]
     known = "closed form" if truth["uncertainty"] == 0.0 else f"{truth['method']}, known to {truth['uncertainty']:.0e}"
-    title = f"{found['title']}: largest steps and wall times [ms] that bring the error at {found['end']:g} s,\n"
+    title = f"{found['title']}: largest steps and wall times, in ms, that bring the error at {found['end']:g} s,\n"
     title += f"relative to the way moved, down to so much (reference: {known})"
     goals = [text for goal in GOALS for text in (f"{100 * goal:g} %\nstep", "\ntime")]
     table = _table(title, "integrator", "order\n(theory)", *goals, "least\nerror")
@@ -96,7 +96,7 @@ def _milliseconds(seconds: float) -> str:
 
 
 def _percent(value: float) -> str:
-    return f"{100.0 * value:+.2g}" if abs(value) < 1.0 else "lost" if value < 0.0 else "> 100"
+    return f"{100.0 * value:+.2g}" if abs(value) < 0.995 else "lost" if value < 0.0 else "> 100"
 
 
 def _limit(value: float) -> str:
