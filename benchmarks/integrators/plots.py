@@ -106,7 +106,7 @@ def _energy(plt: Any, found: dict[str, Any], schemes: dict[str, Any]) -> Any:
         envelope = _envelope(row["energy"])
         ax.semilogy(row["times"], envelope, **{**style, "marker": None, "linestyle": "-"})
         end = {"marker": _tendency(row), "markersize": 9, "clip_on": False, "zorder": 5}
-        if envelope[-1] <= HIGHEST_ENERGY:
+        if LOWEST_ENERGY <= envelope[-1] <= HIGHEST_ENERGY:
             ax.plot(row["times"][-1], envelope[-1], **{**style, **end, "label": None})
     for ax, kind in zip(axes[0], present, strict=True):
         ax.set(ylim=(LOWEST_ENERGY, HIGHEST_ENERGY), xlim=(0.0, found["end"]), title=kind, xlabel="time [s]")

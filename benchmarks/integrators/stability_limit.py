@@ -13,7 +13,7 @@ from .runs import beyond_limits, try_step
 
 STEPS, FRAMES = 32, 40  # steps per frame; frames of a trial
 FEW_STEPS, FEW_FRAMES = 4, 16  # the same for schemes that theory gives no limit, which are slow to step
-GROWTH = 1.02  # of the second half's largest amplitude over the first half's
+GROWTH = 1.01  # of the second half's largest amplitude over the first half's
 NEAR, CLIMB = 0.03, 1.6  # where the search begins, times 2/ω, and by how much it climbs
 FAR = 50.0  # times 2/ω: a scheme stable there has no limit that matters
 PRECISION = 1e-3

@@ -31,7 +31,7 @@ class Effort:
 
     sweep: float = 1.5
     reference: float = 8.0
-    drift: float = 6.0
+    drift: float = 4.0
     drift_share: float = 1.0
     iterations: float = 3.0
     halvings: int = 16
