@@ -168,7 +168,7 @@ def _iterations(selection: Selection, progress: Progress) -> dict[str, Any]:
     names = _iterated(selection.schemes)
     if not names:
         return {}
-    problem = PROBLEMS["stiff_cloth"]()
+    problem = PROBLEMS["swinging_cloth"]()
     step, rows = iterations.OneStep(problem), {}
     for name in names:
         progress(f"One implicit step: {name}")
