@@ -4,6 +4,8 @@ Parallel workers (``pytest -n 2``) share the kernel cache: Warp builds a module 
 into place in one step.
 """
 
+import signal
+
 import pytest
 import warp as wp
 
@@ -15,3 +17,10 @@ def warp_on_the_cpu() -> None:
     """Here rather than on import, so that Warp's notice of a missing driver does not follow pytest's closing line."""
     wp.init()
     wp.set_device("cpu")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def interruptible() -> None:
+    """A shell starts background jobs with Ctrl-C ignored, and the programs that tests start would inherit that."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
