@@ -29,33 +29,45 @@ def spring_strain(
 
 
 @wp.kernel
-def motion_summary(
+def greatest_speed(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    particle_qd: wp.array(dtype=vec3),
+    # Out
+    speed_out: wp.array(dtype=wp.float64),
+):
+    """Greatest speed of each world [m/s]."""
+    i = wp.tid()
+    v = particle_qd[i]
+    wp.atomic_max(speed_out, particle_world[i], wp.sqrt(wp.float64(wp.dot(v, v))))
+
+
+@wp.kernel
+def frame_motion(
     # Model
     particle_mass: wp.array(dtype=real),
     particle_world: wp.array(dtype=wp.int32),
     particle_inv_mass: wp.array(dtype=real),
     # State in
+    particle_before: wp.array(dtype=vec3),
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
     # Out
     bad_out: wp.array(dtype=wp.int32),
     moment_out: wp.array2d(dtype=wp.float64),
-    max_speed_out: wp.array(dtype=wp.float64),
 ):
-    """Per world: number of non-finite particles, (Σ m v², Σ m) and greatest speed [m/s] of the free particles."""
+    """Per world: number of non-finite particles; (Σ m d², Σ m) of the free ones, d [m] the way since ``before``."""
     i = wp.tid()
     w = particle_world[i]
-    x = particle_q[i]
-    v = particle_qd[i]
-    if not (wp.isfinite(x) and wp.isfinite(v)):
+    if not (wp.isfinite(particle_q[i]) and wp.isfinite(particle_qd[i])):
         wp.atomic_add(bad_out, w, 1)
         return
     if particle_inv_mass[i] > real(0.0):
         m = wp.float64(particle_mass[i])
-        speed_squared = wp.float64(wp.dot(v, v))
-        wp.atomic_add(moment_out, w, 0, m * speed_squared)
+        way = particle_q[i] - particle_before[i]
+        wp.atomic_add(moment_out, w, 0, m * wp.float64(wp.dot(way, way)))
         wp.atomic_add(moment_out, w, 1, m)
-        wp.atomic_max(max_speed_out, w, wp.sqrt(speed_squared))
 
 
 @wp.kernel

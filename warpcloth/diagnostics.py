@@ -43,31 +43,43 @@ def spring_strain(model: Model, state: State) -> np.ndarray:
     return out.numpy()
 
 
-def motion_summary(model: Model, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Per world: non-finite particles, root mean square speed and greatest speed [m/s] of the free ones."""
+def greatest_speed(model: Model, state: State) -> float:
+    """Greatest speed of all particles [m/s]."""
+    out = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
+    wp.launch(
+        model.kernels.diagnostics.greatest_speed,
+        dim=model.particle_count,
+        inputs=[model.particle_world, state.particle_qd],
+        outputs=[out],
+        device=model.device,
+    )
+    return float(out.numpy().max())
+
+
+def frame_motion(model: Model, before: State, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Per world: number of non-finite particles, and root mean square way [m] of the free ones between two states."""
     bad = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
     moment = wp.zeros((model.world_count, 2), dtype=wp.float64, device=model.device)
-    speed = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
     wp.launch(
-        model.kernels.diagnostics.motion_summary,
+        model.kernels.diagnostics.frame_motion,
         dim=model.particle_count,
         inputs=[
-            model.particle_mass, model.particle_world, model.particle_inv_mass, state.particle_q, state.particle_qd,
+            model.particle_mass, model.particle_world, model.particle_inv_mass, before.particle_q, state.particle_q,
+            state.particle_qd,
         ],
-        outputs=[bad, moment, speed],
+        outputs=[bad, moment],
         device=model.device,
     )  # fmt: skip
-    twice_energy, mass = moment.numpy().T
-    return bad.numpy(), np.sqrt(twice_energy / np.maximum(mass, 1e-300)), speed.numpy()
+    way, mass = moment.numpy().T
+    return bad.numpy(), np.sqrt(way / np.maximum(mass, 1e-300))
 
 
-def check_finite(model: Model, state: State, time: float, integrator: str, substeps: int) -> float:
-    """Greatest root mean square speed of all worlds [m/s].
+def check_finite(model: Model, bad: np.ndarray, time: float, integrator: str, substeps: int) -> None:
+    """Stops on worlds with ``bad`` (non-finite) particles.
 
     Raises:
-        DivergedError: a position or velocity is not finite.
+        DivergedError: there are some; the sentence says how many, when, and what to change.
     """
-    bad, rms_speed, _ = motion_summary(model, state)
     if bad.any():
         world = int(np.argmax(bad))
         where = f" of world {world}" if model.world_count > 1 else ""
@@ -75,7 +87,6 @@ def check_finite(model: Model, state: State, time: float, integrator: str, subst
             f"The simulation diverged: {bad[world]} particles{where} are not finite at {time:.4g} s with {integrator} "
             f'and {substeps} substeps; use substeps="auto", more substeps, or an implicit integrator.'
         )
-    return float(rms_speed.max())
 
 
 def penetration_depths(model: Model, state: State, place: wp.array | None = None) -> np.ndarray:
@@ -152,6 +163,23 @@ def check_start(model: Model, state: State) -> None:
             )
 
 
+def check_start_intersections(model: Model, state: State) -> None:
+    """Refuses cloth that starts intersecting itself or other cloth.
+
+    Raises:
+        BadStartError: names the world's cloths and the number of crossing pairs of triangles.
+    """
+    counts = intersections(model, state)
+    if counts.any():
+        world = int(np.argmax(counts))
+        names = ", ".join(f"'{cloth.name}'" for cloth in model.cloths if cloth.world == world)
+        where = f" of world {world}" if model.world_count > 1 else ""
+        raise BadStartError(
+            f"Cloth{where} starts intersecting: {counts[world]} pairs of triangles of {names} cross; move the cloths "
+            'apart, or simulate with contact="obstacles".'
+        )
+
+
 def count_intersections(points: Any, triangles: Any) -> int:
     """Pairs of triangles without a common vertex that cross each other; points (n, 3) [m], triangles (m, 3)."""
     device = wp.get_device("cpu")
@@ -213,7 +241,7 @@ def measure(model: Model, state: State, time: float) -> dict[str, Any]:
         "time": time,
         "mean_strain": float(strain.mean()) if strain.size else 0.0,
         "max_strain": float(strain.max()) if strain.size else 0.0,
-        "max_speed": float(motion_summary(model, state)[2].max()),
+        "max_speed": greatest_speed(model, state),
         "max_penetration_m": float(penetration_depths(model, state).max(initial=0.0)),
         "intersections": int(intersections(model, state).sum()),
     }

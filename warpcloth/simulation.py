@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from . import diagnostics, stability, validate
-from .contact import ObstacleResponse
+from .contact import CONTACTS, ContactStage
 from .errors import ConvergenceWarning, StabilityWarning
 from .forces import Forces, Springs
 from .integrators import make_integrator
@@ -30,7 +30,7 @@ class Simulation:
         integrator_options: keyword options of the scheme, such as iteration counts.
         gravity: acceleration [m/s²], shape [3], or one per world, shape [world_count, 3].
         substeps: integrator steps per call of :meth:`step`, or "auto": as few as are stable.
-        contact: whether cloth collides with the obstacles.
+        contact: "all" (cloth with obstacles, itself and other cloth), "obstacles", or "none".
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
         graph: capture each frame as a graph and replay it, where the device can.
         check: after each frame, raise if anything is not finite.
@@ -54,7 +54,7 @@ class Simulation:
         substeps: int | str = "auto",
         *,
         integrator_options: Mapping[str, Any] | None = None,
-        contact: bool = True,
+        contact: str = "all",
         assembly: str = "scatter",
         graph: bool = True,
         check: bool = True,
@@ -62,10 +62,11 @@ class Simulation:
         self.model = model
         self.integrator = make_integrator(integrator, model, integrator_options)
         self.forces = Forces(model, [Springs(model, assembly)], self._world_gravity(gravity))
-        self.contact = ObstacleResponse(model) if validate.flag(contact, "contact") else None
+        self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"))
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
-        self._other = self.state.twin()
+        self._other, self._before = self.state.twin(), self.state.twin()
+        self._time_before = wp.clone(self.state.world_time)
         self._auto = isinstance(substeps, str)
         self._auto_dt = 0.0
         if self._auto:
@@ -81,8 +82,10 @@ class Simulation:
         self._rest_since: float | None = None
         self._warned = False
         self._judged: set[float] = set()
-        if self.contact is not None:
+        if contact != "none":
             diagnostics.check_start(model, self.state)
+        if contact == "all":
+            diagnostics.check_start_intersections(model, self.state)
 
     def step(self, dt: float) -> None:
         """One frame of dt [s] in ``substeps`` equal steps.
@@ -100,7 +103,11 @@ class Simulation:
             self.substeps = self._stable_substeps(dt)
         else:
             self._warn_if_unstable(dt)
+        self._remember()
         self._advance(dt, self.substeps)
+        while self.contact.grow():
+            self._restore()
+            self._advance(dt, self.substeps)
         self.time += dt
         if self.check:
             self._look(dt)
@@ -122,11 +129,11 @@ class Simulation:
     def metrics(self) -> dict[str, Any]:
         """Measures of the state (:func:`warpcloth.diagnostics.measure`), ``settled``, and the integrator's own."""
         measures = diagnostics.measure(self.model, self.state, self.time)
-        return {**measures, "settled": self.settled, **self.integrator.metrics()}
+        return {**measures, "settled": self.settled, **self.contact.metrics(), **self.integrator.metrics()}
 
     @property
     def settled(self) -> bool:
-        """Whether the root mean square speed has stayed below 0.01 m/s for the last 0.25 s (known when ``check``)."""
+        """Whether the particles' mean way per frame has stayed below 0.01 m/s for the last 0.25 s (needs ``check``)."""
         return self._rest_since is not None and self.time - self._rest_since >= REST_TIME
 
     def _advance(self, dt: float, substeps: int) -> None:
@@ -145,18 +152,22 @@ class Simulation:
     def _frame(self, dt: float, substeps: int) -> None:
         now, later = self.state, self._other
         now.forces_current = False  # the caller may have changed the state since the last frame
-        for _ in range(substeps):
+        interval = self.contact.interval(dt, substeps)
+        for number in range(substeps):
+            if number % interval == 0:
+                self.contact.begin(now)
             self._substep(now, later, dt / substeps)
             now, later = later, now
+            if (number + 1) % interval == 0 or number + 1 == substeps:
+                self.contact.end(now)
         if now is not self.state:
             self.state.copy_from(now)
 
     def _substep(self, now: State, later: State, dt: float) -> None:
         later.forces_current = False
         self.integrator.step(self.model, now, later, self.forces, dt)
-        if self.contact is not None:
-            self.contact.resolve(now, later, dt)
-            later.forces_current &= self.model.shapes.count == 0
+        self.contact.resolve(now, later, dt)
+        later.forces_current &= not self.contact.acts
         wp.launch(
             self.model.kernels.particles.advance_time,
             dim=self.model.world_count,
@@ -164,6 +175,20 @@ class Simulation:
             outputs=[now.world_time],
             device=self.model.device,
         )
+
+    def _remember(self) -> None:
+        """Keeps the state before a frame, in case it has to be done again."""
+        self._before.copy_from(self.state)
+        wp.copy(self._time_before, self.state.world_time)
+        self.contact.remember()
+
+    def _restore(self) -> None:
+        """Back to the state before the frame; graphs of it hold arrays that have been replaced."""
+        self.state.copy_from(self._before)
+        wp.copy(self.state.world_time, self._time_before)
+        self.integrator.reset()
+        self._graphs.clear()
+        self._ran.clear()
 
     def _stable_substeps(self, dt: float) -> int:
         if self.substeps and dt == self._auto_dt:
@@ -182,9 +207,10 @@ class Simulation:
             warnings.warn(warning, StabilityWarning, stacklevel=3)
 
     def _look(self, dt: float) -> None:
-        """Stops on non-finite values; says so, once, when a solver did not converge; keeps track of rest."""
-        rms_speed = diagnostics.check_finite(self.model, self.state, self.time, self.integrator.name, self.substeps)
-        if rms_speed > REST_SPEED:
+        """Stops on non-finite values; says once if a solver did not converge; sees rest by the way of a frame."""
+        bad, way = diagnostics.frame_motion(self.model, self._before, self.state)
+        diagnostics.check_finite(self.model, bad, self.time, self.integrator.name, self.substeps)
+        if way.max() > REST_SPEED * dt:
             self._rest_since = None
         elif self._rest_since is None:
             self._rest_since = self.time

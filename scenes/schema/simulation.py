@@ -27,4 +27,6 @@ class SimulationTable(Table):
     device: Annotated[str, Text("[a-z]+(:[0-9]{1,3})?", "a device such as 'cpu' or 'cuda:0'")] = field(
         "auto", "Device to simulate on: `cpu`, `cuda:0`, …; `auto` is a GPU where there is one, or else the CPU."
     )
-    contact: bool = field(True, "Whether cloth collides with obstacles.")
+    contact: Literal["all", "obstacles", "none"] = field(
+        "all", "What cloth collides with: `all` is obstacles, itself and other cloth."
+    )

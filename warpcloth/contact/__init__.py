@@ -1,5 +1,5 @@
-"""Contact: the stage at the end of each step that keeps cloth out of everything."""
+"""Contact: the stage at the end of each step that keeps cloth out of obstacles, and out of cloth."""
 
-from .obstacle_response import ObstacleResponse
+from .stage import CONTACTS, ContactStage
 
-__all__ = ["ObstacleResponse"]
+__all__ = ["CONTACTS", "ContactStage"]

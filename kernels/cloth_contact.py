@@ -1,0 +1,374 @@
+"""Cloth against cloth: candidate pairs, their response in each step, and the guard that no motion may pass.
+
+A pair is four particles and a kind: 0, a point and a triangle; 1, two edges. Both are treated by the weights of
+``kernels/closest.py``. Everything here is in float64 inside: few pairs, and the guard must not be fooled by rounding.
+"""
+
+import sys
+
+import warp as wp
+
+from .closest import combine, pair_weights, time_of_impact
+from .precision import OPTIONS, real, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.struct
+class Pairs:
+    """A list of pairs; ``count`` goes on beyond the arrays' length when they are too short, ``peak`` remembers it."""
+
+    count: wp.array(dtype=wp.int32)
+    peak: wp.array(dtype=wp.int32)
+    kind: wp.array(dtype=wp.int32)
+    particles: wp.array(dtype=wp.vec4i)
+    side: wp.array(dtype=wp.vec3d)  # unit distance vector when the pair was found
+    distance: wp.array(dtype=wp.float64)  # contact distance [m]
+
+
+@wp.func
+def wide(x: vec3):
+    return wp.vec3d(wp.float64(x[0]), wp.float64(x[1]), wp.float64(x[2]))
+
+
+@wp.func
+def narrow(x: wp.vec3d):
+    return vec3(real(x[0]), real(x[1]), real(x[2]))
+
+
+@wp.func
+def low_corner(x: vec3):
+    return wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
+
+
+@wp.kernel
+def swept_bounds(
+    # Model
+    tri_indices: wp.array2d(dtype=wp.int32),
+    # State in
+    particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3),
+    margin: wp.float32,
+    # Out
+    lower_out: wp.array(dtype=wp.vec3),
+    upper_out: wp.array(dtype=wp.vec3),
+):
+    """Box of every triangle on its straight way from one set of positions to another, grown by ``margin`` [m]."""
+    t = wp.tid()
+    low = low_corner(particle_from[tri_indices[t, 0]])
+    high = low
+    for k in range(3):
+        i = tri_indices[t, k]
+        a = low_corner(particle_from[i])
+        b = low_corner(particle_to[i])
+        low = wp.min(low, wp.min(a, b))
+        high = wp.max(high, wp.max(a, b))
+    pad = wp.vec3(margin, margin, margin) + 1.0e-6 * wp.max(wp.abs(low), wp.abs(high))
+    lower_out[t] = low - pad
+    upper_out[t] = high + pad
+
+
+@wp.func
+def add_pair(
+    kind: int, i: wp.vec4i, start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), rest: wp.array(dtype=vec3),
+    radius: wp.array(dtype=real), cloth: wp.array(dtype=wp.int32), margin: wp.float64, pairs: Pairs,
+):  # fmt: skip
+    """Adds the pair if it can come within ``margin`` while its points move from start to end in any proportion."""
+    x0 = wide(start[i[0]])
+    x1 = wide(start[i[1]])
+    x2 = wide(start[i[2]])
+    x3 = wide(start[i[3]])
+    d = combine(pair_weights(kind, x0, x1, x2, x3), x0, x1, x2, x3)
+    length = wp.length(d)
+    m0 = wp.length(wide(end[i[0]]) - x0)
+    m1 = wp.length(wide(end[i[1]]) - x1)
+    m2 = wp.length(wide(end[i[2]]) - x2)
+    m3 = wp.length(wide(end[i[3]]) - x3)
+    reach = margin + m0 + wp.max(wp.max(m1, m2), m3)
+    if kind == 1:
+        reach = margin + wp.max(m0, m1) + wp.max(m2, m3)
+    if length > reach:
+        return
+    contact = wp.float64(radius[i[0]]) + wp.float64(radius[i[3]])
+    if cloth[i[0]] == cloth[i[3]]:
+        r0 = wide(rest[i[0]])
+        r1 = wide(rest[i[1]])
+        r2 = wide(rest[i[2]])
+        r3 = wide(rest[i[3]])
+        apart = wp.length(combine(pair_weights(kind, r0, r1, r2, r3), r0, r1, r2, r3))
+        contact = wp.min(contact, wp.float64(0.5) * apart)
+    n = wp.atomic_add(pairs.count, 0, 1)
+    if n < pairs.kind.shape[0]:
+        pairs.kind[n] = kind
+        pairs.particles[n] = i
+        pairs.distance[n] = contact
+        pairs.side[n] = wp.normalize(d)
+
+
+@wp.func
+def has(t: wp.vec3i, i: int):
+    return t[0] == i or t[1] == i or t[2] == i
+
+
+@wp.func
+def triangle(tri_indices: wp.array2d(dtype=wp.int32), t: int):
+    return wp.vec3i(tri_indices[t, 0], tri_indices[t, 1], tri_indices[t, 2])
+
+
+@wp.kernel
+def find_pairs(
+    # Model
+    tri_indices: wp.array2d(dtype=wp.int32),
+    tri_owned: wp.array(dtype=wp.int32),
+    particle_world: wp.array(dtype=wp.int32),
+    particle_cloth: wp.array(dtype=wp.int32),
+    particle_radius: wp.array(dtype=real),
+    particle_rest: wp.array(dtype=vec3),
+    # State in
+    particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3),
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    bvh: wp.uint64,
+    margin: wp.float64,
+    # Out
+    pairs_out: Pairs,
+):
+    """Every point–triangle and edge–edge pair of two triangles whose boxes overlap, each pair once.
+
+    A vertex or edge is looked at by the one triangle that owns it (bits 0–2 and 3–5 of ``tri_owned``).
+    """
+    t = wp.tid()
+    mine = triangle(tri_indices, t)
+    owned = tri_owned[t]
+    world = particle_world[mine[0]]
+    query = wp.bvh_query_aabb(bvh, lower[t], upper[t])
+    u = int(0)
+    while wp.bvh_query_next(query, u):
+        if u == t:
+            continue
+        other = triangle(tri_indices, u)
+        if particle_world[other[0]] != world:
+            continue
+        for k in range(3):
+            if ((owned >> k) & 1) == 1 and not has(other, mine[k]):
+                add_pair(
+                    0, wp.vec4i(mine[k], other[0], other[1], other[2]), particle_from, particle_to, particle_rest,
+                    particle_radius, particle_cloth, margin, pairs_out,
+                )  # fmt: skip
+        if u < t:
+            continue
+        theirs = tri_owned[u]
+        for k in range(3):
+            if ((owned >> (k + 3)) & 1) == 1:
+                a = mine[k]
+                b = mine[(k + 1) % 3]
+                for m in range(3):
+                    c = other[m]
+                    d = other[(m + 1) % 3]
+                    if ((theirs >> (m + 3)) & 1) == 1 and a != c and a != d and b != c and b != d:
+                        add_pair(
+                            1, wp.vec4i(a, b, c, d), particle_from, particle_to, particle_rest, particle_radius,
+                            particle_cloth, margin, pairs_out,
+                        )  # fmt: skip
+
+
+@wp.kernel
+def find_contacts(
+    # Model
+    pairs: Pairs,
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    # Out
+    weights_out: wp.array(dtype=wp.vec4d),
+    normal_out: wp.array(dtype=wp.vec3d),
+    depth_out: wp.array(dtype=wp.float64),
+    share_out: wp.array(dtype=wp.float64),
+):
+    """Which pairs are closer than their contact distance: weights, normal, depth [m]; and Σ |weight| per particle."""
+    k = wp.tid()
+    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
+        return
+    i = pairs.particles[k]
+    x0 = wide(particle_q[i[0]])
+    x1 = wide(particle_q[i[1]])
+    x2 = wide(particle_q[i[2]])
+    x3 = wide(particle_q[i[3]])
+    w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
+    d = combine(w, x0, x1, x2, x3)
+    length = wp.length(d)
+    n = pairs.side[k]
+    if length > wp.float64(0.0) and wp.dot(d, n) > wp.float64(0.0):
+        n = d / length
+    elif length > wp.float64(1.0e-3) * pairs.distance[k]:
+        n = -d / length
+    depth = pairs.distance[k] - wp.dot(d, n)
+    depth_out[k] = depth
+    if depth > wp.float64(0.0):
+        weights_out[k] = w
+        normal_out[k] = n
+        for m in range(4):
+            wp.atomic_add(share_out, i[m], wp.abs(w[m]))
+
+
+@wp.kernel
+def push_contacts(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    particle_friction: wp.array(dtype=real),
+    pairs: Pairs,
+    # State in
+    particle_start: wp.array(dtype=vec3),
+    particle_q: wp.array(dtype=vec3),
+    dt: wp.float64,
+    weights: wp.array(dtype=wp.vec4d),
+    normal: wp.array(dtype=wp.vec3d),
+    depth: wp.array(dtype=wp.float64),
+    share: wp.array(dtype=wp.float64),
+    # Out
+    move_out: wp.array(dtype=vec3),
+    kick_out: wp.array(dtype=vec3),
+):
+    """Positions leave the contact; velocities lose what brought them there; friction acts within Coulomb's cone.
+
+    All pairs act at once (Jacobi), each by the part that keeps them together from overshooting: its diagonal over the
+    sum of its row in the contact matrix J M⁻¹ Jᵀ. As it is one number for all four particles, momentum is conserved.
+    A pair's part of the depth goes to the positions and, as far as the pair approached in this step, over dt to the
+    velocities: contact stops what comes, but throws nothing back. Friction takes up to μ times that push from the
+    tangential displacement. (Measured on a pile of four sheets at rest, root mean square velocity that the positions do
+    not have: 0.12 m/s with the part of the approach instead, 0.012 m/s so.)
+    """
+    k = wp.tid()
+    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
+        return
+    if depth[k] <= wp.float64(0.0):
+        return
+    i = pairs.particles[k]
+    w = weights[k]
+    n = normal[k]
+    zero = wp.float64(0.0)
+    effective = zero
+    crowd = zero
+    moved = wp.vec3d()
+    for m in range(4):
+        mobility = wp.float64(particle_inv_mass[i[m]])
+        effective += w[m] * w[m] * mobility
+        crowd += wp.abs(w[m]) * mobility * share[i[m]]
+        moved += w[m] * (wide(particle_q[i[m]]) - wide(particle_start[i[m]]))
+    if effective <= zero:
+        return
+    part = effective / crowd
+    depth_share = part * depth[k]
+    push = wp.min(depth_share, wp.max(-wp.dot(moved, n), zero))
+    tangential = moved - wp.dot(moved, n) * n
+    slip = wp.length(tangential)
+    friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
+    lost = zero
+    if slip > zero:
+        lost = wp.min(friction * push / (part * slip), wp.float64(1.0))
+    slide = (lost * part) * tangential
+    kick = (push * n - slide) / (effective * dt)
+    move = (depth_share * n - slide) / effective
+    for m in range(4):
+        c = w[m] * wp.float64(particle_inv_mass[i[m]])
+        wp.atomic_add(move_out, i[m], narrow(c * move))
+        wp.atomic_add(kick_out, i[m], narrow(c * kick))
+
+
+@wp.kernel
+def commit_push(
+    # State in
+    move: wp.array(dtype=vec3),
+    kick: wp.array(dtype=vec3),
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+    share_out: wp.array(dtype=wp.float64),
+):
+    """Adds what the contacts ask for; clears the sums for the next round."""
+    i = wp.tid()
+    if share_out[i] > wp.float64(0.0):
+        particle_q_out[i] = particle_q_out[i] + move[i]
+        particle_qd_out[i] = particle_qd_out[i] + kick[i]
+        share_out[i] = wp.float64(0.0)
+
+
+@wp.kernel
+def limit_motion(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    pairs: Pairs,
+    separation: wp.float64,
+    # State in
+    particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3),
+    fraction: wp.array(dtype=wp.float64),
+    # Out
+    fraction_out: wp.array(dtype=wp.float64),
+    held_back_out: wp.array(dtype=wp.int32),
+    counts_out: wp.array(dtype=wp.int32),
+):
+    """For each pair that would meet on its way: its particles may go only as far as the meeting.
+
+    Counts the particles that had to be held back further than before, and pairs that are pinched: they meet though
+    none of them can be held back any more, as what moves is prescribed.
+    """
+    k = wp.tid()
+    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
+        return
+    i = pairs.particles[k]
+    x0 = wide(particle_from[i[0]])
+    x1 = wide(particle_from[i[1]])
+    x2 = wide(particle_from[i[2]])
+    x3 = wide(particle_from[i[3]])
+    u0 = fraction[i[0]] * (wide(particle_to[i[0]]) - x0)
+    u1 = fraction[i[1]] * (wide(particle_to[i[1]]) - x1)
+    u2 = fraction[i[2]] * (wide(particle_to[i[2]]) - x2)
+    u3 = fraction[i[3]] * (wide(particle_to[i[3]]) - x3)
+    t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
+    if t == wp.float64(1.0):
+        return
+    held = int(0)
+    for m in range(4):
+        f = fraction[i[m]]
+        if particle_inv_mass[i[m]] > real(0.0) and f > wp.float64(0.0):
+            g = wp.float64(0.9) * t * f
+            if g < wp.float64(0.02):
+                g = wp.float64(0.0)
+            wp.atomic_min(fraction_out, i[m], g)
+            held += 1
+    if held > 0:
+        wp.atomic_add(held_back_out, 0, held)
+    else:
+        wp.atomic_add(counts_out, 1, 1)
+
+
+@wp.kernel
+def note_peak(
+    # State in
+    count: wp.array(dtype=wp.int32),
+    # Out
+    peak_out: wp.array(dtype=wp.int32),
+):
+    """Remembers the greatest count."""
+    peak_out[0] = wp.max(peak_out[0], count[0])
+
+
+@wp.kernel
+def apply_limit(
+    # State in
+    particle_from: wp.array(dtype=vec3),
+    fraction: wp.array(dtype=wp.float64),
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+    counts_out: wp.array(dtype=wp.int32),
+):
+    """Held-back particles stop where they may, and keep as much of their speed as of their way."""
+    i = wp.tid()
+    f = fraction[i]
+    if f < wp.float64(1.0):
+        x = wide(particle_from[i])
+        particle_q_out[i] = narrow(x + f * (wide(particle_q_out[i]) - x))
+        particle_qd_out[i] = real(f) * particle_qd_out[i]
+        wp.atomic_add(counts_out, 0, 1)

@@ -1,0 +1,150 @@
+"""Cloth against itself and other cloth: free of intersections in, free of intersections out."""
+
+import numpy as np
+import pytest
+import warp as wp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import warpcloth as wc
+from warpcloth import diagnostics
+from warpcloth.contact.pair_list import owned_features
+from warpcloth.errors import BadStartError
+
+SOFT = wc.Fabric(stretch_stiffness=60.0, shear_stiffness=12.0, bend_stiffness=0.5, thickness=0.004)
+INTEGRATORS = ("symplectic_euler", "xpbd")
+
+
+def sheet(name="cloth", n=16, size=0.4, fabric=SOFT, **options) -> wc.Cloth:
+    return wc.Cloth.grid(size=(size, size), resolution=(n, n), fabric=fabric, name=name, **options)
+
+
+def assert_never_intersects(sim: wc.Simulation, frames: int) -> None:
+    for frame in range(frames):
+        sim.step(1 / 60)
+        crossing = diagnostics.intersections(sim.model, sim.state).sum()
+        assert crossing == 0, f"{crossing} pairs in frame {frame}"
+
+
+def tilted(z: float, angle: float) -> np.ndarray:
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    turn[2, 3] = z
+    return turn
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_drape_on_a_sphere_folds_without_crossing(integrator):
+    model = wc.Model.build(sheet(n=20, transform=(0, 0, 0.24)), [wc.Sphere((0, 0, 0.12), 0.1), wc.Plane()])
+    sim = wc.Simulation(model, integrator=integrator, substeps=60)
+    assert_never_intersects(sim, 60)
+    without = wc.Simulation(model, integrator=integrator, substeps=60, contact="obstacles")
+    crossed = 0
+    for _ in range(60):
+        without.step(1 / 60)
+        crossed += int(diagnostics.intersections(model, without.state).sum())
+    assert crossed > 0  # otherwise this scene would prove nothing
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_sheets_thrown_at_each_other_do_not_pass(integrator):
+    upper = sheet("upper", 14, transform=tilted(0.15, 0.4), velocity=(0, 0, -15))
+    lower = sheet("lower", 11, transform=(0, 0, -0.15), velocity=(0.3, 0, 15))
+    sim = wc.Simulation(wc.Model.build([upper, lower]), integrator=integrator, substeps=40)
+    before = momentum(sim)
+    assert_never_intersects(sim, 12)
+    x = sim.state.particle_q.numpy()
+    assert x[: 14 * 14, 2].mean() > x[14 * 14 :, 2].mean()
+    assert np.allclose(momentum(sim)[:2], before[:2], atol=0.02 * 0.032 * 15)
+
+
+def momentum(sim: wc.Simulation) -> np.ndarray:
+    return (sim.model.particle_mass.numpy()[:, None] * sim.state.particle_qd.numpy()).sum(axis=0)
+
+
+def test_response_alone_conserves_momentum():
+    """Slow enough for the guard to have nothing to do."""
+    upper = sheet("upper", 12, transform=tilted(0.01, 0.3), velocity=(0.2, 0, -0.4))
+    lower = sheet("lower", 9, transform=(0, 0, -0.01))
+    sim = wc.Simulation(wc.Model.build([upper, lower], precision="float64"), gravity=(0, 0, 0), substeps=60)
+    before = momentum(sim)
+    assert_never_intersects(sim, 12)
+    assert sim.metrics()["contact_held"] == 0
+    assert np.abs(sim.state.particle_qd.numpy()[12 * 12 :]).max() > 0.01  # they did meet
+    assert np.abs(momentum(sim) - before).max() < 1e-12
+
+
+def test_a_pile_comes_to_rest():
+    layers = [sheet(f"layer {k}", 9, size=0.2, transform=tilted(0.02 + 0.02 * k, 0.5 * k)) for k in range(4)]
+    sim = wc.Simulation(wc.Model.build(layers, [wc.Plane()]), integrator="xpbd", substeps=20)
+    assert_never_intersects(sim, 150)
+    assert sim.settled
+    heights = [sim.state.particle_q.numpy()[c.start : c.stop, 2].mean() for c in sim.model.cloths]
+    assert np.all(np.diff(heights) > 0.002)  # layers keep their thickness
+
+
+def test_worlds_do_not_meet():
+    model = wc.Model.build_worlds([([sheet(n=6)], []), ([sheet(n=6, transform=(0, 0, -0.05))], [])])
+    sim = wc.Simulation(model, substeps=40)
+    sim.run(30)
+    z = sim.state.particle_q.numpy()[:, 2]
+    assert np.allclose(z[:36] - z[36:], 0.05, atol=1e-5)
+
+
+def test_contact_is_repeatable_and_the_same_in_a_graph():
+    def result(graph: bool) -> np.ndarray:
+        model = wc.Model.build(sheet(n=14, transform=(0, 0, 0.24)), [wc.Sphere((0, 0, 0.12), 0.1), wc.Plane()])
+        sim = wc.Simulation(model, substeps=50, graph=graph)
+        sim.run(30)
+        return sim.state.particle_q.numpy()
+
+    captured = result(True)
+    assert np.array_equal(captured, result(True))
+    assert np.array_equal(captured, result(False))
+
+
+def test_lists_that_are_too_short_grow_and_lose_nothing():
+    def result(capacity: int | None) -> np.ndarray:
+        model = wc.Model.build([sheet("a", 10, transform=tilted(0.02, 0.3)), sheet("b", 10)], [wc.Plane((0, 0, -0.05))])
+        sim = wc.Simulation(model, substeps=40)
+        if capacity is not None:
+            for pairs in (sim.contact.cloths.near, sim.contact.cloths.swept):
+                pairs._allocate(capacity)
+        sim.run(20)
+        return sim.state.particle_q.numpy()
+
+    assert np.array_equal(result(1), result(None))
+
+
+def test_an_intersecting_start_is_refused():
+    upright = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
+    with pytest.raises(BadStartError, match=r"starts intersecting: .* 'flat', 'upright'"):
+        wc.Simulation(wc.Model.build([sheet("flat", 5), sheet("upright", 6, transform=upright)]))
+
+
+@settings(max_examples=30, deadline=None)
+@given(columns=st.integers(2, 9), rows=st.integers(2, 9))
+def test_every_vertex_and_edge_has_one_owner(columns, rows):
+    triangles = wc.Cloth.grid(size=(1, 1), resolution=(columns, rows)).triangles
+    owned = owned_features(triangles)
+    vertices = [triangles[t, k] for t, bits in enumerate(owned) for k in range(3) if bits >> k & 1]
+    assert sorted(vertices) == list(range(columns * rows))
+    edges = {tuple(sorted((t[k], t[(k + 1) % 3]))) for t in triangles.tolist() for k in range(3)}
+    owners = [(t, k) for t, bits in enumerate(owned) for k in range(3) if bits >> (k + 3) & 1]
+    assert len(owners) == len(edges)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10**6), speed=st.floats(0.5, 20.0), n=st.integers(5, 10))
+def test_random_throws_stay_free_of_intersections(seed, speed, n):
+    rng = np.random.default_rng(seed)
+    cloths = []
+    for k in range(3):
+        velocity = speed * rng.normal(size=3) * [0.3, 0.3, 1.0]
+        cloths.append(sheet(f"c{k}", n + k, size=0.3, transform=tilted(0.08 * k, rng.uniform(0, 6)), velocity=velocity))
+    model = wc.Model.build(cloths, [wc.Plane((0, 0, -0.2)), wc.Box((0, 0, 0.4), (2, 2, 0.1))])
+    sim = wc.Simulation(model, integrator="xpbd", substeps=15)
+    for _ in range(10):
+        sim.step(1 / 60)
+        assert diagnostics.intersections(model, sim.state).sum() == 0
+    assert wp.get_device(model.device).is_cpu

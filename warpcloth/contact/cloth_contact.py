@@ -1,0 +1,145 @@
+"""Cloth against cloth, itself included: detect, respond, guard (``kernels/cloth_contact.py``).
+
+The frame is cut into *intervals* of a few substeps. At the start of one, the pairs that are near are listed; after each
+substep those closer than their contact distance are pushed apart, with friction; at its end the straight way of every
+particle since its start is checked by continuous collision detection, and particles that would pass through cloth are
+held back until none does. If the start is free of intersections, then so is the end: standing still always is.
+"""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..model import Model
+from ..state import State
+from .pair_list import PairList, owned_features
+
+SEPARATION = 1e-6  # [m] that the guard keeps between any two; well above the rounding of float32 at a metre
+REACH = 2.0  # pairs nearer than this many contact distances are listed
+INTERVAL = 1.0 / 120.0  # [s] that a list of near pairs is used
+
+
+class ClothContact:
+    """Contact among all cloths of each world.
+
+    Attributes:
+        near, swept: pairs for the response and for the guard.
+        counts: how many particles the guard has held back, and how many pairs it could not keep apart as neither side
+            was free to stop; since the beginning.
+    """
+
+    def __init__(self, model: Model):
+        self.model = model
+        self.kernels = model.kernels.cloth_contact
+        n, device = model.particle_count, model.device
+        self.owned = model.array(owned_features(model.tri_indices.numpy()), wp.int32)
+        self.cloth = model.array(
+            np.repeat(np.arange(len(model.cloths)), [c.stop - c.start for c in model.cloths]), wp.int32
+        )
+        self.reach = REACH * 2.0 * float(model.particle_radius.numpy().max())
+        self.near = PairList(model, 2 * model.tri_count)
+        self.swept = PairList(model, 20 * model.tri_count)
+        self.start = wp.clone(model.particle_q)
+        self.move, self.kick = wp.zeros_like(model.particle_q), wp.zeros_like(model.particle_q)
+        self.share = wp.zeros(n, dtype=wp.float64, device=device)
+        self.fraction = wp.ones(n, dtype=wp.float64, device=device)
+        self.next_fraction = wp.ones(n, dtype=wp.float64, device=device)
+        self.held_back = wp.zeros(1, dtype=wp.int32, device=device)
+        self.counts, self.counts_before = (wp.zeros(2, dtype=wp.int32, device=device) for _ in range(2))
+        self.lower = wp.zeros(model.tri_count, dtype=wp.vec3, device=device)
+        self.upper = wp.zeros(model.tri_count, dtype=wp.vec3, device=device)
+        self._bounds(model.particle_q, model.particle_q, 0.0)
+        self.bvh = wp.Bvh(self.lower, self.upper)
+
+    def begin(self, state: State) -> None:
+        """Starts an interval at ``state``."""
+        wp.copy(self.start, state.particle_q)
+        self._find(self.near, state.particle_q, state.particle_q, self.reach)
+
+    def resolve(self, state_in: State, state_out: State, dt: float) -> None:
+        """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``."""
+        model, near = self.model, self.near
+        self.move.zero_()
+        self.kick.zero_()
+        self._launch(
+            self.kernels.find_contacts, near.capacity,
+            [near.pairs, state_out.particle_q],
+            [near.weights, near.normal, near.depth, self.share],
+        )  # fmt: skip
+        self._launch(
+            self.kernels.push_contacts, near.capacity,
+            [
+                model.particle_inv_mass, model.particle_friction, near.pairs, state_in.particle_q, state_out.particle_q,
+                dt, near.weights, near.normal, near.depth, self.share,
+            ],
+            [self.move, self.kick],
+        )  # fmt: skip
+        self._launch(
+            self.kernels.commit_push, model.particle_count,
+            [self.move, self.kick],
+            [state_out.particle_q, state_out.particle_qd, self.share],
+        )  # fmt: skip
+
+    def end(self, state: State) -> None:
+        """Ends an interval at ``state``: holds back what would have passed through cloth."""
+        self._find(self.swept, self.start, state.particle_q, 2.0 * SEPARATION)
+        self.fraction.fill_(1.0)
+        self.next_fraction.fill_(1.0)
+        self.held_back.fill_(1)
+        wp.capture_while(self.held_back, self._hold_back, state=state)
+        self._launch(
+            self.kernels.apply_limit, self.model.particle_count,
+            [self.start, self.fraction],
+            [state.particle_q, state.particle_qd, self.counts],
+        )  # fmt: skip
+
+    def remember(self) -> None:
+        """Keeps what :meth:`grow` restores."""
+        wp.copy(self.counts_before, self.counts)
+
+    def grow(self) -> bool:
+        """Whether a list was too short; it is longer now, and all since :meth:`remember` must be done again."""
+        short = any([self.near.grow(), self.swept.grow()])
+        if short:
+            wp.copy(self.counts, self.counts_before)
+        return short
+
+    def metrics(self) -> dict[str, Any]:
+        """``contact_held``: particles held back by the guard so far; ``contact_pinched``: pairs it could not part."""
+        held, pinched = self.counts.numpy()
+        return {"contact_held": int(held), "contact_pinched": int(pinched)}
+
+    def _hold_back(self, state: State) -> None:
+        """One round of the guard; it goes on while any particle had to be held back further."""
+        self.held_back.zero_()
+        self._launch(
+            self.kernels.limit_motion, self.swept.capacity,
+            [
+                self.model.particle_inv_mass, self.swept.pairs, SEPARATION, self.start, state.particle_q, self.fraction,
+            ],
+            [self.next_fraction, self.held_back, self.counts],
+        )  # fmt: skip
+        wp.copy(self.fraction, self.next_fraction)
+
+    def _find(self, target: PairList, start: wp.array, end: wp.array, margin: float) -> None:
+        model = self.model
+        self._bounds(start, end, 0.5 * margin)
+        self.bvh.refit()
+        target.pairs.count.zero_()
+        self._launch(
+            self.kernels.find_pairs, model.tri_count,
+            [
+                model.tri_indices, self.owned, model.particle_world, self.cloth, model.particle_radius,
+                model.particle_q, start, end, self.lower, self.upper, self.bvh.id, margin,
+            ],
+            [target.pairs],
+        )  # fmt: skip
+        self._launch(self.kernels.note_peak, 1, [target.pairs.count], [target.peak])
+
+    def _bounds(self, start: wp.array, end: wp.array, margin: float) -> None:
+        inputs = [self.model.tri_indices, start, end, margin]
+        self._launch(self.kernels.swept_bounds, self.model.tri_count, inputs, [self.lower, self.upper])
+
+    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)

@@ -1,0 +1,65 @@
+"""Lists of particle pairs on the device, as long as they need to be, and who owns which vertex and edge."""
+
+import numpy as np
+import warp as wp
+
+from ..model import Model
+
+
+class PairList:
+    """Device memory for pairs found by ``kernels/cloth_contact.py``.
+
+    Finding counts every pair, but writes only as many as there is room for; ``peak`` keeps the greatest count since it
+    was last cleared, so that whoever sees it above ``capacity`` can grow the list and do the work again.
+
+    Attributes:
+        pairs: the ``Pairs`` struct. capacity: room in it.
+        weights, normal, depth: of the pairs in contact; scratch of the response.
+    """
+
+    def __init__(self, model: Model, capacity: int):
+        self.model = model
+        self.peak = wp.zeros(1, dtype=wp.int32, device=model.device)
+        self._allocate(capacity)
+
+    def grow(self) -> bool:
+        """Makes room for half as much again as the peak, and clears it; False if there was room enough."""
+        peak = int(self.peak.numpy()[0])
+        self.peak.zero_()
+        if peak <= self.capacity:
+            return False
+        self._allocate(peak + peak // 2)
+        return True
+
+    def _allocate(self, capacity: int) -> None:
+        def room(dtype: type) -> wp.array:
+            return wp.zeros(capacity, dtype=dtype, device=self.model.device)
+
+        self.capacity = capacity
+        self.pairs = self.model.kernels.cloth_contact.Pairs()
+        self.pairs.count = wp.zeros(1, dtype=wp.int32, device=self.model.device)
+        self.pairs.peak = self.peak
+        self.pairs.kind = room(wp.int32)
+        self.pairs.particles = room(wp.vec4i)
+        self.pairs.side = room(wp.vec3d)
+        self.pairs.distance = room(wp.float64)
+        self.weights = room(wp.vec4d)
+        self.normal = room(wp.vec3d)
+        self.depth = room(wp.float64)
+
+
+def owned_features(triangles: np.ndarray) -> np.ndarray:
+    """Which vertices (bits 0 to 2) and edges k, k + 1 (bits 3 to 5) belong to each triangle, the first that has them.
+
+    Args:
+        triangles: corners, shape [m, 3].
+
+    Returns:
+        int32, shape [m]; every vertex and every edge of the mesh has exactly one owner.
+    """
+    owned = np.zeros(len(triangles), np.int32)
+    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    for features, lowest_bit in ((triangles.reshape(-1, 1), 1), (edges, 8)):
+        _, first = np.unique(features, axis=0, return_index=True)
+        np.bitwise_or.at(owned, first // 3, (lowest_bit << (first % 3)).astype(np.int32))
+    return owned

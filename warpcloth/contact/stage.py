@@ -1,0 +1,63 @@
+"""All contact of a simulation, as the loop sees it."""
+
+import math
+from typing import Any
+
+from ..model import Model
+from ..state import State
+from .cloth_contact import INTERVAL, ClothContact
+from .obstacle_response import ObstacleResponse
+
+CONTACTS = ("all", "obstacles", "none")
+
+
+class ContactStage:
+    """Cloth against obstacles and, unless ``contact`` is "obstacles", against cloth.
+
+    Args:
+        model: the model.
+        contact: one of :data:`CONTACTS`.
+    """
+
+    def __init__(self, model: Model, contact: str):
+        self.obstacles = ObstacleResponse(model) if contact != "none" else None
+        self.cloths = ClothContact(model) if contact == "all" and model.tri_count > 0 else None
+
+    @property
+    def acts(self) -> bool:
+        """Whether the stage may change the end of a step at all."""
+        return self.cloths is not None or (self.obstacles is not None and self.obstacles.model.shapes.count > 0)
+
+    def interval(self, dt: float, substeps: int) -> int:
+        """Substeps that share one detection, of ``substeps`` in a frame of dt [s]."""
+        return max(1, math.ceil(substeps / math.ceil(dt / INTERVAL - 1e-9)))
+
+    def begin(self, state: State) -> None:
+        """Before the first substep of an interval."""
+        if self.cloths is not None:
+            self.cloths.begin(state)
+
+    def resolve(self, state_in: State, state_out: State, dt: float) -> None:
+        """After each substep of dt [s]: corrects its end. Obstacles come last: they do not give way."""
+        if self.cloths is not None:
+            self.cloths.resolve(state_in, state_out, dt)
+        if self.obstacles is not None:
+            self.obstacles.resolve(state_in, state_out, dt)
+
+    def end(self, state: State) -> None:
+        """After the last substep of an interval."""
+        if self.cloths is not None:
+            self.cloths.end(state)
+
+    def remember(self) -> None:
+        """Before a frame."""
+        if self.cloths is not None:
+            self.cloths.remember()
+
+    def grow(self) -> bool:
+        """Whether memory was short in the last frame; there is more now, and the frame must be done again."""
+        return self.cloths is not None and self.cloths.grow()
+
+    def metrics(self) -> dict[str, Any]:
+        """What contact has to report."""
+        return {} if self.cloths is None else self.cloths.metrics()
