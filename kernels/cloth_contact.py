@@ -26,6 +26,26 @@ class Pairs:
     distance: wp.array(dtype=wp.float64)  # contact distance [m]
 
 
+# Sums over pairs are taken in fixed point: integers add up to the same whatever the order of the pairs, so the result
+# depends neither on the tree's shape, nor on the other worlds, nor on the device's threads.
+MOVE_UNIT = wp.constant(wp.float64(2.0**50))  # per metre: up to 8 km by 1e-15 m
+KICK_UNIT = wp.constant(wp.float64(2.0**40))  # per m/s: up to 8e6 m/s by 1e-12 m/s
+SHARE_UNIT = wp.constant(wp.float64(2.0**40))
+
+
+@wp.func
+def add_fixed(sums: wp.array2d(dtype=wp.int64), i: int, x: wp.vec3d, unit: wp.float64):
+    """Adds x to row i."""
+    for m in range(3):
+        wp.atomic_add(sums, i, m, wp.int64(wp.round(unit * x[m])))
+
+
+@wp.func
+def from_fixed(sums: wp.array2d(dtype=wp.int64), i: int, unit: wp.float64):
+    """Row i as a vector."""
+    return wp.vec3d(wp.float64(sums[i, 0]), wp.float64(sums[i, 1]), wp.float64(sums[i, 2])) / unit
+
+
 @wp.func
 def wide(x: vec3):
     return wp.vec3d(wp.float64(x[0]), wp.float64(x[1]), wp.float64(x[2]))
@@ -183,7 +203,7 @@ def find_contacts(
     weights_out: wp.array(dtype=wp.vec4d),
     normal_out: wp.array(dtype=wp.vec3d),
     depth_out: wp.array(dtype=wp.float64),
-    share_out: wp.array(dtype=wp.float64),
+    share_out: wp.array(dtype=wp.int64),
 ):
     """Which pairs are closer than their contact distance: weights, normal, depth [m]; and Σ |weight| per particle."""
     k = wp.tid()
@@ -208,7 +228,7 @@ def find_contacts(
         weights_out[k] = w
         normal_out[k] = n
         for m in range(4):
-            wp.atomic_add(share_out, i[m], wp.abs(w[m]))
+            wp.atomic_add(share_out, i[m], wp.int64(wp.round(SHARE_UNIT * wp.abs(w[m]))))
 
 
 @wp.kernel
@@ -224,10 +244,10 @@ def push_contacts(
     weights: wp.array(dtype=wp.vec4d),
     normal: wp.array(dtype=wp.vec3d),
     depth: wp.array(dtype=wp.float64),
-    share: wp.array(dtype=wp.float64),
+    share: wp.array(dtype=wp.int64),
     # Out
-    move_out: wp.array(dtype=vec3),
-    kick_out: wp.array(dtype=vec3),
+    move_out: wp.array2d(dtype=wp.int64),
+    kick_out: wp.array2d(dtype=wp.int64),
 ):
     """Positions leave the contact; velocities lose what brought them there; friction acts within Coulomb's cone.
 
@@ -253,7 +273,7 @@ def push_contacts(
     for m in range(4):
         mobility = wp.float64(particle_inv_mass[i[m]])
         effective += w[m] * w[m] * mobility
-        crowd += wp.abs(w[m]) * mobility * share[i[m]]
+        crowd += wp.abs(w[m]) * mobility * wp.float64(share[i[m]]) / SHARE_UNIT
         moved += w[m] * (wide(particle_q[i[m]]) - wide(particle_start[i[m]]))
     if effective <= zero:
         return
@@ -271,26 +291,28 @@ def push_contacts(
     move = (depth_share * n - slide) / effective
     for m in range(4):
         c = w[m] * wp.float64(particle_inv_mass[i[m]])
-        wp.atomic_add(move_out, i[m], narrow(c * move))
-        wp.atomic_add(kick_out, i[m], narrow(c * kick))
+        add_fixed(move_out, i[m], c * move, MOVE_UNIT)
+        add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
 
 
 @wp.kernel
 def commit_push(
-    # State in
-    move: wp.array(dtype=vec3),
-    kick: wp.array(dtype=vec3),
     # Out
     particle_q_out: wp.array(dtype=vec3),
     particle_qd_out: wp.array(dtype=vec3),
-    share_out: wp.array(dtype=wp.float64),
+    move_out: wp.array2d(dtype=wp.int64),
+    kick_out: wp.array2d(dtype=wp.int64),
+    share_out: wp.array(dtype=wp.int64),
 ):
-    """Adds what the contacts ask for; clears the sums for the next round."""
+    """Adds what the contacts ask for, and clears the sums for the next round."""
     i = wp.tid()
-    if share_out[i] > wp.float64(0.0):
-        particle_q_out[i] = particle_q_out[i] + move[i]
-        particle_qd_out[i] = particle_qd_out[i] + kick[i]
-        share_out[i] = wp.float64(0.0)
+    if share_out[i] > wp.int64(0):
+        particle_q_out[i] = narrow(wide(particle_q_out[i]) + from_fixed(move_out, i, MOVE_UNIT))
+        particle_qd_out[i] = narrow(wide(particle_qd_out[i]) + from_fixed(kick_out, i, KICK_UNIT))
+        share_out[i] = wp.int64(0)
+        for m in range(3):
+            move_out[i, m] = wp.int64(0)
+            kick_out[i, m] = wp.int64(0)
 
 
 @wp.kernel

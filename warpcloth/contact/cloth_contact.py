@@ -41,8 +41,8 @@ class ClothContact:
         self.near = PairList(model, 2 * model.tri_count)
         self.swept = PairList(model, 20 * model.tri_count)
         self.start = wp.clone(model.particle_q)
-        self.move, self.kick = wp.zeros_like(model.particle_q), wp.zeros_like(model.particle_q)
-        self.share = wp.zeros(n, dtype=wp.float64, device=device)
+        self.move, self.kick = (wp.zeros((n, 3), dtype=wp.int64, device=device) for _ in range(2))
+        self.share = wp.zeros(n, dtype=wp.int64, device=device)
         self.fraction = wp.ones(n, dtype=wp.float64, device=device)
         self.next_fraction = wp.ones(n, dtype=wp.float64, device=device)
         self.held_back = wp.zeros(1, dtype=wp.int32, device=device)
@@ -60,8 +60,6 @@ class ClothContact:
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``."""
         model, near = self.model, self.near
-        self.move.zero_()
-        self.kick.zero_()
         self._launch(
             self.kernels.find_contacts, near.capacity,
             [near.pairs, state_out.particle_q],
@@ -77,8 +75,8 @@ class ClothContact:
         )  # fmt: skip
         self._launch(
             self.kernels.commit_push, model.particle_count,
-            [self.move, self.kick],
-            [state_out.particle_q, state_out.particle_qd, self.share],
+            [],
+            [state_out.particle_q, state_out.particle_qd, self.move, self.kick, self.share],
         )  # fmt: skip
 
     def end(self, state: State) -> None:
