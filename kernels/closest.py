@@ -117,7 +117,7 @@ def time_of_impact(
     d = wp.length(combine(pair_weights(kind, x0, x1, x2, x3), x0, x1, x2, x3))
     keep = wp.min(separation, wp.float64(0.5) * d)
     one = wp.float64(1.0)
-    if reach <= d - keep:
+    if reach <= d - keep or not wp.isfinite(reach):
         return one
     stop = wp.float64(0.1) * (d - keep)
     t = wp.float64(0.0)

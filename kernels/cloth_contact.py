@@ -107,7 +107,7 @@ def add_pair(
     reach = margin + m0 + wp.max(wp.max(m1, m2), m3)
     if kind == 1:
         reach = margin + wp.max(m0, m1) + wp.max(m2, m3)
-    if length > reach:
+    if not length <= reach:  # nor where a diverged particle is not a number
         return
     contact = wp.float64(radius[i[0]]) + wp.float64(radius[i[3]])
     if cloth[i[0]] == cloth[i[3]]:
@@ -348,7 +348,7 @@ def limit_motion(
     u2 = fraction[i[2]] * (wide(particle_to[i[2]]) - x2)
     u3 = fraction[i[3]] * (wide(particle_to[i[3]]) - x3)
     t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
-    if t == wp.float64(1.0):
+    if not t < wp.float64(1.0):
         return
     held = int(0)
     for m in range(4):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import warpcloth as wc
 from warpcloth import diagnostics
 from warpcloth.contact.pair_list import owned_features
-from warpcloth.errors import BadStartError
+from warpcloth.errors import BadStartError, DivergedError, StabilityWarning
 
 SOFT = wc.Fabric(stretch_stiffness=60.0, shear_stiffness=12.0, bend_stiffness=0.5, thickness=0.004)
 INTEGRATORS = ("symplectic_euler", "xpbd")
@@ -148,3 +148,9 @@ def test_random_throws_stay_free_of_intersections(seed, speed, n):
         sim.step(1 / 60)
         assert diagnostics.intersections(model, sim.state).sum() == 0
     assert wp.get_device(model.device).is_cpu
+
+
+def test_diverging_cloth_is_reported_and_never_hangs():
+    sim = wc.Simulation(wc.Model.build(wc.Cloth.grid(size=(0.4, 0.4), resolution=(30, 30), pins="left")), substeps=2)
+    with pytest.warns(StabilityWarning), pytest.raises(DivergedError, match="diverged"):
+        sim.run(200)

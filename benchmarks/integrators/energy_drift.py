@@ -55,7 +55,7 @@ def drift(problem: Problem, integrator: str, budget: float, end: float | None = 
     with beyond_limits():
         model = problem.build(False)
         sim = Simulation(
-            model, integrator, gravity=problem.gravity, substeps=substeps, contact=False, check=False,
+            model, integrator, gravity=problem.gravity, substeps=substeps, contact="none", check=False,
             integrator_options=_steps_as_given(integrator),
         )  # fmt: skip
         start = sim.energy()["total"]

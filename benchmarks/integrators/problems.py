@@ -44,7 +44,7 @@ class Problem:
     def simulation(self, integrator: str, substeps: int | str, options: dict | None = None, **rest: Any) -> Simulation:
         """A simulation of it from the start."""
         model = self.build(True)
-        settings = {"gravity": self.gravity, "contact": self.contact, "check": False, **rest}
+        settings = {"gravity": self.gravity, "contact": "obstacles" if self.contact else "none", "check": False, **rest}
         return Simulation(model, integrator, substeps=substeps, integrator_options=options, **settings)
 
 

@@ -57,7 +57,7 @@ def limit(system: str, integrator: str) -> Limit:
     model = SYSTEMS[system]()
     omega, gamma = stability.fastest_rates(model, model.particle_q.numpy())
     with beyond_limits():
-        sim = Simulation(model, integrator, gravity=(0, 0, 0), substeps=1, contact=False, check=False)
+        sim = Simulation(model, integrator, gravity=(0, 0, 0), substeps=1, contact="none", check=False)
         theory = sim.integrator.stable_step(omega, gamma)
         trial = (STEPS, FRAMES) if math.isfinite(theory) else (FEW_STEPS, FEW_FRAMES)
         climb = _climb(2.0 / omega, theory)
@@ -92,7 +92,7 @@ def _bisect(stable: Callable[[float], bool], climb: Sequence[float]) -> float:
 
 def _stable(model: Model, integrator: str, step: float, omega: float, steps: int, frames: int) -> bool:
     """Whether small motion about rest does not grow over so many frames of so many steps."""
-    sim = Simulation(model, integrator, gravity=(0, 0, 0), substeps=steps, contact=False, check=False)
+    sim = Simulation(model, integrator, gravity=(0, 0, 0), substeps=steps, contact="none", check=False)
     start = model.particle_q.numpy()
     free = (model.particle_inv_mass.numpy() > 0.0)[:, None]
     sim.state.particle_q.assign(start + 1e-7 * free * _in_plane(model))
