@@ -366,6 +366,27 @@ def limit_motion(
 
 
 @wp.kernel
+def count_torn(
+    # Model
+    tri_indices: wp.array2d(dtype=wp.int32),
+    particle_rest: wp.array(dtype=vec3),
+    limit: wp.float64,
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    # Out
+    torn_out: wp.array(dtype=wp.int32),
+):
+    """Counts triangles with an edge more than ``limit`` times as long as at rest, or of no number."""
+    t = wp.tid()
+    for k in range(3):
+        a = tri_indices[t, k]
+        b = tri_indices[t, (k + 1) % 3]
+        rest = wp.length(wide(particle_rest[b]) - wide(particle_rest[a]))
+        if not wp.length(wide(particle_q[b]) - wide(particle_q[a])) <= limit * rest:
+            wp.atomic_add(torn_out, 0, 1)
+
+
+@wp.kernel
 def note_peak(
     # State in
     count: wp.array(dtype=wp.int32),

@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..errors import DivergedError
 from ..model import Model
 from ..state import State
 from .pair_list import PairList, owned_features
 
 SEPARATION = 1e-6  # [m] that the guard keeps between any two; well above the rounding of float32 at a metre
 REACH = 2.0  # pairs nearer than this many contact distances are listed
+TORN = 10.0  # an edge this many times its length has no cloth in it: the integrator has diverged
 INTERVAL = 1.0 / 120.0  # [s] that a list of near pairs is used
 
 
@@ -47,6 +49,7 @@ class ClothContact:
         self.next_fraction = wp.ones(n, dtype=wp.float64, device=device)
         self.held_back = wp.zeros(1, dtype=wp.int32, device=device)
         self.counts, self.counts_before = (wp.zeros(2, dtype=wp.int32, device=device) for _ in range(2))
+        self.torn = wp.zeros(1, dtype=wp.int32, device=device)
         self.lower = wp.zeros(model.tri_count, dtype=wp.vec3, device=device)
         self.upper = wp.zeros(model.tri_count, dtype=wp.vec3, device=device)
         self._bounds(model.particle_q, model.particle_q, 0.0)
@@ -81,13 +84,19 @@ class ClothContact:
 
     def end(self, state: State) -> None:
         """Ends an interval at ``state``: holds back what would have passed through cloth."""
+        model = self.model
+        self._launch(
+            self.kernels.count_torn, model.tri_count,
+            [model.tri_indices, model.particle_q, TORN, state.particle_q],
+            [self.torn],
+        )  # fmt: skip
         self._find(self.swept, self.start, state.particle_q, 2.0 * SEPARATION)
         self.fraction.fill_(1.0)
         self.next_fraction.fill_(1.0)
         self.held_back.fill_(1)
         wp.capture_while(self.held_back, self._hold_back, state=state)
         self._launch(
-            self.kernels.apply_limit, self.model.particle_count,
+            self.kernels.apply_limit, model.particle_count,
             [self.start, self.fraction],
             [state.particle_q, state.particle_qd, self.counts],
         )  # fmt: skip
@@ -97,7 +106,17 @@ class ClothContact:
         wp.copy(self.counts_before, self.counts)
 
     def grow(self) -> bool:
-        """Whether a list was too short; it is longer now, and all since :meth:`remember` must be done again."""
+        """Whether a list was too short; it is longer now, and all since :meth:`remember` must be done again.
+
+        Raises:
+            DivergedError: the integrator moved particles absurdly far. The guard would hold them, and hide that.
+        """
+        torn = int(self.torn.numpy()[0])
+        if torn > 0:
+            raise DivergedError(
+                f"The simulation diverged: {torn} triangle edges grew to {TORN:g} times their length within one frame; use "
+                'substeps="auto", more substeps, or an implicit integrator.'
+            )
         short = any([self.near.grow(), self.swept.grow()])
         if short:
             wp.copy(self.counts, self.counts_before)

@@ -3,10 +3,7 @@
 import numpy as np
 import warp as wp
 
-from ..errors import DivergedError
 from ..model import Model
-
-MOST_PER_TRIANGLE = 400  # about 50 kB; cloth in folds needs 10 to 50
 
 
 class PairList:
@@ -26,20 +23,11 @@ class PairList:
         self._allocate(capacity)
 
     def grow(self) -> bool:
-        """Makes room for half as much again as the peak, and clears it; False if there was room enough.
-
-        Raises:
-            DivergedError: there are more pairs than any cloth in motion has.
-        """
+        """Makes room for half as much again as the peak, and clears it; False if there was room enough."""
         peak = int(self.peak.numpy()[0])
         self.peak.zero_()
         if peak <= self.capacity:
             return False
-        if peak > MOST_PER_TRIANGLE * (self.model.tri_count + 10_000):
-            raise DivergedError(
-                f"The simulation diverged: {peak} pairs of cloth features could meet within one detection interval, as "
-                'particles move that fast; use substeps="auto", more substeps, or a slower start.'
-            )
         self._allocate(peak + peak // 2)
         return True
 
