@@ -50,12 +50,14 @@ def test_drape_on_a_sphere_folds_without_crossing(integrator):
 def test_sheets_thrown_at_each_other_do_not_pass(integrator):
     upper = sheet("upper", 14, transform=tilted(0.15, 0.4), velocity=(0, 0, -15))
     lower = sheet("lower", 11, transform=(0, 0, -0.15), velocity=(0.3, 0, 15))
-    sim = wc.Simulation(wc.Model.build([upper, lower]), integrator=integrator, substeps=40)
+    model = wc.Model.build([upper, lower])
+    sim = wc.Simulation(model, integrator=integrator, substeps=40, gravity=(0, 0, 0))
     before = momentum(sim)
     assert_never_intersects(sim, 12)
     x = sim.state.particle_q.numpy()
     assert x[: 14 * 14, 2].mean() > x[14 * 14 :, 2].mean()
-    assert np.allclose(momentum(sim)[:2], before[:2], atol=0.02 * 0.032 * 15)
+    # What the guard stops loses its momentum: at these speeds up to a few per cent of what each sheet brought.
+    assert np.allclose(momentum(sim), before, atol=0.05 * 0.032 * 15)
 
 
 def momentum(sim: wc.Simulation) -> np.ndarray:

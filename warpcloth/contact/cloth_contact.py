@@ -114,7 +114,7 @@ class ClothContact:
         torn = int(self.torn.numpy()[0])
         if torn > 0:
             raise DivergedError(
-                f"The simulation diverged: {torn} triangle edges grew to {TORN:g} times their length within one frame; use "
+                f"The simulation diverged: {torn} triangle edges grew to {TORN:g} times their length in one frame; use "
                 'substeps="auto", more substeps, or an implicit integrator.'
             )
         short = any([self.near.grow(), self.swept.grow()])
