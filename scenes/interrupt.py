@@ -6,35 +6,41 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+DEFAULTS = (signal.default_int_handler, signal.SIG_DFL)
+
 
 class StopRequest:
-    """Whether the user has asked to stop."""
+    """Whether the user, or the system, has asked to stop.
+
+    Attributes:
+        made: whether it was asked for.
+        waits: whether there is something to finish first; otherwise, and if asked again, the request interrupts at once.
+    """
 
     def __init__(self) -> None:
         self.made = False
+        self.waits = False
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        """Note the first request; a second one interrupts at once."""
-        if self.made:
+        if self.made or not self.waits:
             raise KeyboardInterrupt
         self.made = True
 
 
 @contextlib.contextmanager
 def stop_on_interrupt() -> Iterator[StopRequest]:
-    """Note Ctrl-C instead of raising, so that it never falls into the middle of a frame or of a write.
+    """Note SIGINT and SIGTERM instead of dying of them, so that neither falls into the middle of a frame or a write.
 
-    Signals reach the main thread only, and only while nobody else has taken them; elsewhere this does nothing.
+    Signals reach the main thread only, and only those are taken that nobody else has claimed.
     """
     request = StopRequest()
-    ours = threading.current_thread() is threading.main_thread() and (
-        signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    )
-    if not ours:
-        yield request
-        return
-    signal.signal(signal.SIGINT, request._on_signal)
+    main = threading.current_thread() is threading.main_thread()
+    taken = {number: signal.getsignal(number) for number in SIGNALS if main and signal.getsignal(number) in DEFAULTS}
+    for number in taken:
+        signal.signal(number, request._on_signal)
     try:
         yield request
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number, handler in taken.items():
+            signal.signal(number, handler)

@@ -84,6 +84,7 @@ class _Run:
             for number in range(1, self.scene.frames + 1):
                 self._step(simulation)
                 self._write(writer, number, simulation)
+                stop.waits = True
                 if on_frame is not None:
                     on_frame(number, self.scene.frames, simulation)
                 if stop.made:

@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 from pxr import Usd, UsdGeom
@@ -145,18 +147,20 @@ def test_a_failed_simulation_has_exit_code_3(folder, capfd):
     assert "'napkin' starts inside an obstacle" in capfd.readouterr().err
 
 
-def test_an_interrupted_simulation_says_so(folder, monkeypatch, capfd):
-    from warpcloth.scenes import run as scenes_run
-
-    finished = scenes_run.simulate
-
-    def interrupted(*arguments, **options):
-        result = finished(*arguments, **options)
-        return type(result)(**{**result.as_dict(), "interrupted": True})
-
-    monkeypatch.setattr(scenes_run, "simulate", interrupted)
-    assert simulate_small() == 130
-    assert "(interrupted)" in capfd.readouterr().out
+def test_ctrl_c_in_a_terminal_leaves_a_valid_file_and_a_report(folder):
+    command = [sys.executable, "-m", "warpcloth", "simulate", "napkin.toml", "--frames", "1000000", "--json"]
+    process = subprocess.Popen([*command, "--device", "cpu"], cwd=folder, stdout=subprocess.PIPE, text=True)
+    partial = folder / "napkin.partial.usdc"
+    while process.poll() is None and not (partial.exists() and partial.stat().st_size > 100_000):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    result = json.loads(process.communicate()[0])
+    assert process.returncode == 130
+    assert result["interrupted"] is True
+    assert 0 < result["frames"] < 1_000_000
+    stage = Usd.Stage.Open(str(folder / "napkin.usdc"))
+    assert stage.GetEndTimeCode() == result["frames"]
+    assert not partial.exists()
 
 
 def test_a_defect_is_not_hidden_and_debug_shows_where(monkeypatch, capsys):

@@ -138,10 +138,11 @@ def test_a_network_passes_the_usd_validators(tmp_path):
             np.testing.assert_array_equal(drawn.GetExtentAttr().Get(code), expected)
 
 
-def test_ctrl_c_keeps_the_frames_so_far(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_keeps_the_frames_so_far(number, tmp_path):
     def interrupt(frame, frames, simulation):
         if frame == 2:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(number)
 
     result = simulate(scene_from_toml(NAPKIN), tmp_path / "cut.usdc", on_frame=interrupt)
     assert result.interrupted
@@ -151,6 +152,7 @@ def test_ctrl_c_keeps_the_frames_so_far(tmp_path):
     assert UsdGeom.Mesh.Get(stage, "/World/Cloth/napkin").GetPointsAttr().GetTimeSamples() == [0, 1, 2]
     assert [path.name for path in tmp_path.iterdir()] == ["cut.usdc"]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 def test_a_second_ctrl_c_stops_at_once(tmp_path):
@@ -160,6 +162,7 @@ def test_a_second_ctrl_c_stops_at_once(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         simulate(scene_from_toml(NAPKIN), tmp_path / "cut.usdc", on_frame=insist)
+    assert Usd.Stage.Open(str(tmp_path / "cut.usdc")).GetEndTimeCode() == 1
 
 
 def test_a_simulation_that_diverges_leaves_no_file(tmp_path):
