@@ -15,7 +15,7 @@ class StopRequest:
 
     Attributes:
         made: whether it was asked for.
-        waits: whether there is something to finish first; otherwise, and if asked again, the request interrupts at once.
+        waits: whether there is something to finish first; if not, and if asked again, the request interrupts at once.
     """
 
     def __init__(self) -> None:

@@ -83,6 +83,8 @@ class _Run:
             self._write(writer, 0, simulation)
             for number in range(1, self.scene.frames + 1):
                 self._step(simulation)
+                if number == 1:
+                    writer.note({"substeps": simulation.substeps, "device": str(self.model.device)})
                 self._write(writer, number, simulation)
                 stop.waits = True
                 if on_frame is not None:

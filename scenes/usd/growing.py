@@ -10,7 +10,7 @@ from ...errors import UsdError
 from .crate import save_again
 from .failures import as_usd_error
 from .paths import Target, publish
-from .stage import create_stage
+from .stage import create_stage, with_provenance
 
 SAVE_BYTES = 64 * 2**20
 
@@ -29,6 +29,11 @@ class GrowingStage:
         self._doing = f"Cannot write the cache {target.final.name}"
         self._unsaved_bytes = 0
         self._saved_frames = 0
+
+    def note(self, facts: Mapping[str, Any]) -> None:
+        """Adds to the provenance, or replaces what it says."""
+        layer = self.stage.GetRootLayer()
+        layer.customLayerData = with_provenance(layer.customLayerData, facts)
 
     def added(self, size: int) -> None:
         """Takes note of ``size`` more bytes in memory."""

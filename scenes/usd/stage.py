@@ -38,8 +38,13 @@ def create_stage(path: Path, fps: float, provenance: Mapping[str, Any]) -> Usd.S
     stage.SetDefaultPrim(root)
     for path_in_stage in (CLOTH, OBSTACLES, MATERIALS):
         UsdGeom.Scope.Define(stage, path_in_stage)
-    stage.GetRootLayer().customLayerData = {PROVENANCE: usd_dictionary({"version": __version__, **provenance})}
+    stage.GetRootLayer().customLayerData = with_provenance({}, {"version": __version__, **provenance})
     return stage
+
+
+def with_provenance(layer_data: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
+    """The data of a layer with facts added to its provenance."""
+    return {**layer_data, PROVENANCE: {**layer_data.get(PROVENANCE, {}), **usd_dictionary(facts)}}
 
 
 def bind_color(prim: Usd.Prim, color: Sequence[float], roughness: float) -> None:

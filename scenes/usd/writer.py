@@ -96,6 +96,10 @@ class CacheWriter:
         self._begun = None
         self._file.save_when_due(self._written)
 
+    def note(self, facts: Mapping[str, Any]) -> None:
+        """Adds facts to the provenance, such as ones that only the first frame shows."""
+        self._file.note(facts)
+
     def close(self) -> Path | None:
         """Completes the file with the frames written so far; returns its path, or None if there is not one frame.
 
