@@ -44,7 +44,7 @@ def test_a_free_cloth_falls_as_it_must(tmp_path):
     start, end = (points(result.output, "/World/Cloth/napkin", code)[:, 2] for code in (0, 6))
     np.testing.assert_allclose(start - end, 9.81 * h * h * n * (n + 1) / 2, atol=2e-7)
     facts = stage.GetRootLayer().customLayerData["warpcloth"]
-    expected = {"scene": "scene", "integrator": "symplectic_euler", "seed": 7, "substeps": 10, "device": "cpu"}
+    expected = {"scene": "scene", "integrator": "symplectic_euler", "seed": 7, "substeps": 100, "device": "cpu"}
     assert {key: facts[key] for key in expected} == expected
 
 
