@@ -23,7 +23,7 @@ class Problem:
         end: time at which errors are measured [s].
         first_step: coarsest step that is tried [s].
         gravity: acceleration [m/s²].
-        contact: whether there are obstacles to collide with; the motion is then not smooth.
+        contact: what the cloth collides with, as :class:`~warpcloth.Simulation` takes it; not smooth unless "none".
         exact: positions [m] and velocities [m/s] at ``end``, shape [particle_count, 3], where known in closed form.
         drift_end, drift_step: duration and step of the long undamped run [s]; 0: no such run.
         energy_scale: energy that drift is compared with [J].
@@ -35,7 +35,7 @@ class Problem:
     end: float
     first_step: float
     gravity: tuple[float, float, float] = (0.0, 0.0, -G)
-    contact: bool = False
+    contact: str = "none"
     exact: Callable[[], Solution] | None = None
     drift_end: float = 0.0
     drift_step: float = 0.0
@@ -44,7 +44,7 @@ class Problem:
     def simulation(self, integrator: str, substeps: int | str, options: dict | None = None, **rest: Any) -> Simulation:
         """A simulation of it from the start."""
         model = self.build(True)
-        settings = {"gravity": self.gravity, "contact": "obstacles" if self.contact else "none", "check": False, **rest}
+        settings = {"gravity": self.gravity, "contact": self.contact, "check": False, **rest}
         return Simulation(model, integrator, substeps=substeps, integrator_options=options, **settings)
 
 
@@ -138,7 +138,7 @@ def drape_on_sphere(count: int = 17) -> Problem:
         cloth = Cloth.grid((0.6, 0.6), (count, count), Fabric(damping_time=5e-4 * damped), transform=(0, 0, 0.155))
         return _cloth(cloth, Sphere((0, 0, 0), 0.15))
 
-    return Problem("drape_on_sphere", f"Drape on a sphere, {count} × {count}", build, 0.25, 1 / 60, contact=True)
+    return Problem("drape_on_sphere", f"Drape on a sphere, {count} × {count}", build, 0.25, 1 / 60, contact="obstacles")
 
 
 PROBLEMS: dict[str, Callable[[], Problem]] = {

@@ -42,7 +42,7 @@ def sweep(problem: Problem, integrator: str, truth: Reference, budget: float, ha
 
 def _settings(problem: Problem, integrator: str) -> Iterator[tuple[int, dict[str, float]]]:
     """Numbers of steps and options, from coarse to fine."""
-    if integrators()[integrator].adaptive and not problem.contact:
+    if integrators()[integrator].adaptive and problem.contact == "none":
         for k in range(MOST):
             yield 1, {name: value * 0.1**k for name, value in LOOSE.items()}
         return
