@@ -21,7 +21,7 @@ from warpcloth.scenes.overrides import apply_overrides
 from warpcloth import errors
 from warpcloth.cli import run
 
-MANY = settings(max_examples=500, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+MANY = settings(max_examples=800, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 FEW = settings(MANY, max_examples=60)
 MOST_VERTICES = 2_000  # that a test builds
 LONGEST = 1_000  # characters of a sentence
