@@ -29,7 +29,7 @@ class Effort:
         full duration. iterations: of one scheme's approach to Newton. halvings: most halvings of a stable step.
     """
 
-    sweep: float = 1.5
+    sweep: float = 0.8
     reference: float = 8.0
     drift: float = 4.0
     drift_share: float = 1.0
