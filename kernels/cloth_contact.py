@@ -10,6 +10,7 @@ import warp as wp
 
 from .closest import combine, pair_weights, time_of_impact
 from .precision import OPTIONS, real, vec3
+from .shapes import Placement, to_world
 
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
@@ -34,10 +35,10 @@ SHARE_UNIT = wp.constant(wp.float64(2.0**40))
 
 
 @wp.func
-def add_fixed(sums: wp.array2d(dtype=wp.int64), i: int, x: wp.vec3d, unit: wp.float64):
+def add_fixed(sums_out: wp.array2d(dtype=wp.int64), i: int, x: wp.vec3d, unit: wp.float64):
     """Adds x to row i."""
     for m in range(3):
-        wp.atomic_add(sums, i, m, wp.int64(wp.round(unit * x[m])))
+        wp.atomic_add(sums_out, i, m, wp.int64(wp.round(unit * x[m])))
 
 
 @wp.func
@@ -59,6 +60,36 @@ def narrow(x: wp.vec3d):
 @wp.func
 def low_corner(x: vec3):
     return wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
+
+
+@wp.kernel
+def place_points(
+    # Model
+    first: int,
+    point_shape: wp.array(dtype=wp.int32),
+    point_local: wp.array(dtype=wp.vec3),
+    # State in
+    place: wp.array(dtype=Placement),
+    # Out
+    particle_out: wp.array(dtype=vec3),
+):
+    """Obstacle vertices in the world, after the ``first`` particles."""
+    k = wp.tid()
+    x = point_local[k]
+    particle_out[first + k] = to_world(place[point_shape[k]], vec3(real(x[0]), real(x[1]), real(x[2])))
+
+
+@wp.kernel
+def foresee(
+    # State in
+    particle_qd: wp.array(dtype=vec3),
+    dt: real,
+    # Out
+    particle_out: wp.array(dtype=vec3),
+):
+    """Where particles would be after dt [s] at their velocities."""
+    i = wp.tid()
+    particle_out[i] = particle_out[i] + dt * particle_qd[i]
 
 
 @wp.kernel
@@ -91,26 +122,40 @@ def swept_bounds(
 @wp.func
 def add_pair(
     kind: int, i: wp.vec4i, start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), rest: wp.array(dtype=vec3),
-    radius: wp.array(dtype=real), cloth: wp.array(dtype=wp.int32), margin: wp.float64, pairs: Pairs,
+    radius: wp.array(dtype=real), body: wp.array(dtype=wp.int32), margin: wp.float64, cloth_particles: int,
+    together: int, pairs: Pairs,
 ):  # fmt: skip
-    """Adds the pair if it can come within ``margin`` while its points move from start to end in any proportion."""
+    """Adds the pair if it can come within ``margin`` while its points move from start to end.
+
+    With ``together`` they move at the same time, so that only relative motion counts; else each in its own proportion.
+    """
     x0 = wide(start[i[0]])
     x1 = wide(start[i[1]])
     x2 = wide(start[i[2]])
     x3 = wide(start[i[3]])
-    d = combine(pair_weights(kind, x0, x1, x2, x3), x0, x1, x2, x3)
+    w = pair_weights(kind, x0, x1, x2, x3)
+    d = combine(w, x0, x1, x2, x3)
     length = wp.length(d)
-    m0 = wp.length(wide(end[i[0]]) - x0)
-    m1 = wp.length(wide(end[i[1]]) - x1)
-    m2 = wp.length(wide(end[i[2]]) - x2)
-    m3 = wp.length(wide(end[i[3]]) - x3)
-    reach = margin + m0 + wp.max(wp.max(m1, m2), m3)
-    if kind == 1:
-        reach = margin + wp.max(m0, m1) + wp.max(m2, m3)
+    u0 = wide(end[i[0]]) - x0
+    u1 = wide(end[i[1]]) - x1
+    u2 = wide(end[i[2]]) - x2
+    u3 = wide(end[i[3]]) - x3
+    reach = margin + wp.length(combine(w, u0, u1, u2, u3))
+    if together == 0:
+        first = wp.length(u0)
+        second = wp.max(wp.length(u2), wp.length(u3))
+        if kind == 0:
+            second = wp.max(second, wp.length(u1))
+        else:
+            first = wp.max(first, wp.length(u1))
+        reach = margin + first + second
     if not length <= reach:  # nor where a diverged particle is not a number
         return
     contact = wp.float64(radius[i[0]]) + wp.float64(radius[i[3]])
-    if cloth[i[0]] == cloth[i[3]]:
+    if i[0] >= cloth_particles or i[3] >= cloth_particles:
+        # The obstacle response keeps particles at the full distance; only edges and corners between them come closer.
+        contact = wp.float64(0.9) * contact
+    if body[i[0]] == body[i[3]]:
         r0 = wide(rest[i[0]])
         r1 = wide(rest[i[1]])
         r2 = wide(rest[i[2]])
@@ -141,7 +186,7 @@ def find_pairs(
     tri_indices: wp.array2d(dtype=wp.int32),
     tri_owned: wp.array(dtype=wp.int32),
     particle_world: wp.array(dtype=wp.int32),
-    particle_cloth: wp.array(dtype=wp.int32),
+    particle_body: wp.array(dtype=wp.int32),
     particle_radius: wp.array(dtype=real),
     particle_rest: wp.array(dtype=vec3),
     # State in
@@ -151,10 +196,13 @@ def find_pairs(
     upper: wp.array(dtype=wp.vec3),
     bvh: wp.uint64,
     margin: wp.float64,
+    cloth_tris: int,
+    cloth_particles: int,
+    together: int,
     # Out
     pairs_out: Pairs,
 ):
-    """Every point–triangle and edge–edge pair of two triangles whose boxes overlap, each pair once.
+    """Every point–triangle and edge–edge pair of two triangles whose boxes overlap, once; not of two obstacles.
 
     A vertex or edge is looked at by the one triangle that owns it (bits 0–2 and 3–5 of ``tri_owned``).
     """
@@ -165,7 +213,7 @@ def find_pairs(
     query = wp.bvh_query_aabb(bvh, lower[t], upper[t])
     u = int(0)
     while wp.bvh_query_next(query, u):
-        if u == t:
+        if u == t or (t >= cloth_tris and u >= cloth_tris):
             continue
         other = triangle(tri_indices, u)
         if particle_world[other[0]] != world:
@@ -174,7 +222,7 @@ def find_pairs(
             if ((owned >> k) & 1) == 1 and not has(other, mine[k]):
                 add_pair(
                     0, wp.vec4i(mine[k], other[0], other[1], other[2]), particle_from, particle_to, particle_rest,
-                    particle_radius, particle_cloth, margin, pairs_out,
+                    particle_radius, particle_body, margin, cloth_particles, together, pairs_out,
                 )  # fmt: skip
         if u < t:
             continue
@@ -189,7 +237,7 @@ def find_pairs(
                     if ((theirs >> (m + 3)) & 1) == 1 and a != c and a != d and b != c and b != d:
                         add_pair(
                             1, wp.vec4i(a, b, c, d), particle_from, particle_to, particle_rest, particle_radius,
-                            particle_cloth, margin, pairs_out,
+                            particle_body, margin, cloth_particles, together, pairs_out,
                         )  # fmt: skip
 
 
@@ -214,17 +262,21 @@ def find_contacts(
     x1 = wide(particle_q[i[1]])
     x2 = wide(particle_q[i[2]])
     x3 = wide(particle_q[i[3]])
+    zero = wp.float64(0.0)
     w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
     d = combine(w, x0, x1, x2, x3)
     length = wp.length(d)
     n = pairs.side[k]
-    if length > wp.float64(0.0) and wp.dot(d, n) > wp.float64(0.0):
-        n = d / length
-    elif length > wp.float64(1.0e-3) * pairs.distance[k]:
-        n = -d / length
+    # Through each other are only features whose closest points lie inside both; past a border d may turn as it likes.
+    inside = w[0] != zero and w[1] != zero and w[2] != zero and w[3] != zero
+    if length > wp.float64(1.0e-3) * pairs.distance[k]:
+        if inside and wp.dot(d, n) < zero:
+            n = -d / length
+        else:
+            n = d / length
     depth = pairs.distance[k] - wp.dot(d, n)
     depth_out[k] = depth
-    if depth > wp.float64(0.0):
+    if depth > zero:
         weights_out[k] = w
         normal_out[k] = n
         for m in range(4):

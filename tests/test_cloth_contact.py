@@ -156,3 +156,29 @@ def test_diverging_cloth_is_reported_and_never_hangs():
     sim = wc.Simulation(wc.Model.build(wc.Cloth.grid(size=(0.4, 0.4), resolution=(30, 30), pins="left")), substeps=2)
     with pytest.warns(StabilityWarning), pytest.raises(DivergedError, match="diverged"):
         sim.run(200)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_a_spike_between_particles_does_not_poke_through(integrator):
+    """The spike's tip is much finer than the cloth's cells; only edges and corners can hold it."""
+    base = np.array([[0.03, 0, -0.2], [-0.015, 0.026, -0.2], [-0.015, -0.026, -0.2], [0.006, 0.004, 0.0]])
+    spike = wc.MeshObstacle(base, [[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]], thickness=0.002)
+    cloth = sheet(n=8, transform=(0, 0, 0.03))
+    sim = wc.Simulation(wc.Model.build(cloth, [spike]), integrator=integrator, substeps=60)
+    for _ in range(25):
+        sim.step(1 / 60)
+        x = sim.state.particle_q.numpy()
+        points = np.vstack([x, base])
+        faces = np.vstack([cloth.triangles, np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]]) + len(x)])
+        assert diagnostics.count_intersections(points, faces) == 0
+    assert np.abs(x[:, :2]).max() < 0.5  # it has not been thrown away
+
+
+def test_edges_that_slide_past_each_other_do_not_flip():
+    """A cloth edge passes an obstacle's edge without ever crossing it: no push, no friction."""
+    square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    table = wc.MeshObstacle(square, [[0, 1, 2], [0, 2, 3]], friction=0.0, thickness=0.002)
+    cloth = sheet(n=8, size=0.2, transform=tilted(0.0045, 0.3), velocity=(1.0, 0.0, 0.0))
+    sim = wc.Simulation(wc.Model.build(cloth, table), gravity=(0, 0, 0), substeps=50)
+    sim.run(12)
+    assert np.allclose(sim.state.particle_qd.numpy(), (1.0, 0.0, 0.0), atol=1e-4)

@@ -1,4 +1,4 @@
-"""Cloth against cloth, itself included: detect, respond, guard (``kernels/cloth_contact.py``).
+"""Cloth against cloth, itself included, and against mesh obstacles: detect, respond, guard.
 
 The frame is cut into *intervals* of a few substeps. At the start of one, the pairs that are near are listed; after each
 substep those closer than their contact distance are pushed apart, with friction; at its end the straight way of every
@@ -8,13 +8,13 @@ held back until none does. If the start is free of intersections, then so is the
 
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 from ..errors import DivergedError
 from ..model import Model
 from ..state import State
-from .pair_list import PairList, owned_features
+from .pair_list import PairList
+from .surface import Surface
 
 SEPARATION = 1e-6  # [m] that the guard keeps between any two; well above the rounding of float32 at a metre
 REACH = 2.0  # pairs nearer than this many contact distances are listed
@@ -23,7 +23,7 @@ INTERVAL = 1.0 / 120.0  # [s] that a list of near pairs is used
 
 
 class ClothContact:
-    """Contact among all cloths of each world.
+    """Contact among all cloths and mesh obstacles of each world.
 
     Attributes:
         near, swept: pairs for the response and for the guard.
@@ -34,45 +34,47 @@ class ClothContact:
     def __init__(self, model: Model):
         self.model = model
         self.kernels = model.kernels.cloth_contact
-        n, device = model.particle_count, model.device
-        self.owned = model.array(owned_features(model.tri_indices.numpy()), wp.int32)
-        self.cloth = model.array(
-            np.repeat(np.arange(len(model.cloths)), [c.stop - c.start for c in model.cloths]), wp.int32
-        )
-        self.reach = REACH * 2.0 * float(model.particle_radius.numpy().max())
-        self.near = PairList(model, 2 * model.tri_count)
+        self.surface = Surface(model)
+        n, tris, device = self.surface.particle_count, self.surface.tri_count, model.device
+        self.near = PairList(model, 2 * tris)
         self.swept = PairList(model, 20 * model.tri_count)
-        self.start = wp.clone(model.particle_q)
+        self.start, self.before, self.now = (self.surface.positions() for _ in range(3))
         self.move, self.kick = (wp.zeros((n, 3), dtype=wp.int64, device=device) for _ in range(2))
         self.share = wp.zeros(n, dtype=wp.int64, device=device)
-        self.fraction = wp.ones(n, dtype=wp.float64, device=device)
-        self.next_fraction = wp.ones(n, dtype=wp.float64, device=device)
-        self.held_back = wp.zeros(1, dtype=wp.int32, device=device)
+        self.fraction, self.next_fraction = (wp.ones(n, dtype=wp.float64, device=device) for _ in range(2))
+        self.held_back, self.torn = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(2))
         self.counts, self.counts_before = (wp.zeros(2, dtype=wp.int32, device=device) for _ in range(2))
-        self.torn = wp.zeros(1, dtype=wp.int32, device=device)
-        self.lower = wp.zeros(model.tri_count, dtype=wp.vec3, device=device)
-        self.upper = wp.zeros(model.tri_count, dtype=wp.vec3, device=device)
-        self._bounds(model.particle_q, model.particle_q, 0.0)
+        self.lower, self.upper = (wp.zeros(tris, dtype=wp.vec3, device=device) for _ in range(2))
+        self._bounds(self.start, self.start, 0.0)
         self.bvh = wp.Bvh(self.lower, self.upper)
 
     def begin(self, state: State) -> None:
-        """Starts an interval at ``state``."""
-        wp.copy(self.start, state.particle_q)
-        self._find(self.near, state.particle_q, state.particle_q, self.reach)
+        """Starts an interval at ``state``; lists what is near, or will be at the present velocities."""
+        model, surface = self.model, self.surface
+        model.shapes.place(model.tracks, state.world_time, INTERVAL)
+        surface.place(state.particle_q, model.shapes.end, self.before)
+        self._launch(self.kernels.foresee, model.particle_count, [state.particle_qd, INTERVAL], [self.before])
+        model.shapes.place(model.tracks, state.world_time, 0.0)
+        surface.place(state.particle_q, model.shapes.end, self.now)
+        wp.copy(self.start, self.now)
+        self._find(self.near, self.start, self.before, REACH * surface.thickest, together=1)
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
-        """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``."""
-        model, near = self.model, self.near
+        """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``; obstacles have been placed."""
+        model, near, surface = self.model, self.near, self.surface
+        wp.copy(self.before, self.now)
+        wp.copy(self.before, state_in.particle_q, count=model.particle_count)
+        surface.place(state_out.particle_q, model.shapes.end, self.now)
         self._launch(
             self.kernels.find_contacts, near.capacity,
-            [near.pairs, state_out.particle_q],
+            [near.pairs, self.now],
             [near.weights, near.normal, near.depth, self.share],
         )  # fmt: skip
         self._launch(
             self.kernels.push_contacts, near.capacity,
             [
-                model.particle_inv_mass, model.particle_friction, near.pairs, state_in.particle_q, state_out.particle_q,
-                dt, near.weights, near.normal, near.depth, self.share,
+                surface.inv_mass, surface.friction, near.pairs, self.before, self.now, dt, near.weights, near.normal,
+                near.depth, self.share,
             ],
             [self.move, self.kick],
         )  # fmt: skip
@@ -90,11 +92,12 @@ class ClothContact:
             [model.tri_indices, model.particle_q, TORN, state.particle_q],
             [self.torn],
         )  # fmt: skip
-        self._find(self.swept, self.start, state.particle_q, 2.0 * SEPARATION)
+        wp.copy(self.now, state.particle_q, count=model.particle_count)
+        self._find(self.swept, self.start, self.now, 2.0 * SEPARATION, together=0)
         self.fraction.fill_(1.0)
         self.next_fraction.fill_(1.0)
         self.held_back.fill_(1)
-        wp.capture_while(self.held_back, self._hold_back, state=state)
+        wp.capture_while(self.held_back, self._hold_back)
         self._launch(
             self.kernels.apply_limit, model.particle_count,
             [self.start, self.fraction],
@@ -127,36 +130,35 @@ class ClothContact:
         held, pinched = self.counts.numpy()
         return {"contact_held": int(held), "contact_pinched": int(pinched)}
 
-    def _hold_back(self, state: State) -> None:
+    def _hold_back(self) -> None:
         """One round of the guard; it goes on while any particle had to be held back further."""
         self.held_back.zero_()
         self._launch(
             self.kernels.limit_motion, self.swept.capacity,
-            [
-                self.model.particle_inv_mass, self.swept.pairs, SEPARATION, self.start, state.particle_q, self.fraction,
-            ],
+            [self.surface.inv_mass, self.swept.pairs, SEPARATION, self.start, self.now, self.fraction],
             [self.next_fraction, self.held_back, self.counts],
         )  # fmt: skip
         wp.copy(self.fraction, self.next_fraction)
 
-    def _find(self, target: PairList, start: wp.array, end: wp.array, margin: float) -> None:
-        model = self.model
+    def _find(self, target: PairList, start: wp.array, end: wp.array, margin: float, *, together: int) -> None:
+        surface = self.surface
         self._bounds(start, end, 0.5 * margin)
         self.bvh.refit()
         target.pairs.count.zero_()
         self._launch(
-            self.kernels.find_pairs, model.tri_count,
+            self.kernels.find_pairs, surface.tri_count,
             [
-                model.tri_indices, self.owned, model.particle_world, self.cloth, model.particle_radius,
-                model.particle_q, start, end, self.lower, self.upper, self.bvh.id, margin,
+                surface.tri_indices, surface.tri_owned, surface.world, surface.body, surface.radius, surface.rest,
+                start, end, self.lower, self.upper, self.bvh.id, margin, surface.cloth_tris, surface.cloth_particles,
+                together,
             ],
             [target.pairs],
         )  # fmt: skip
         self._launch(self.kernels.note_peak, 1, [target.pairs.count], [target.peak])
 
     def _bounds(self, start: wp.array, end: wp.array, margin: float) -> None:
-        inputs = [self.model.tri_indices, start, end, margin]
-        self._launch(self.kernels.swept_bounds, self.model.tri_count, inputs, [self.lower, self.upper])
+        inputs = [self.surface.tri_indices, start, end, margin]
+        self._launch(self.kernels.swept_bounds, self.surface.tri_count, inputs, [self.lower, self.upper])
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
         wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)

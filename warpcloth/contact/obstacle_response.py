@@ -13,11 +13,10 @@ class ObstacleResponse:
         self.model = model
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
-        """Corrects ``state_out``, dt [s] after ``state_in``. Launches kernels only."""
+        """Corrects ``state_out``, dt [s] after ``state_in``; obstacles have been placed. Launches kernels only."""
         model, shapes = self.model, self.model.shapes
         if shapes.count == 0:
             return
-        shapes.place(model.tracks, state_in.world_time, dt)
         wp.launch(
             model.kernels.obstacle_contact.respond,
             dim=model.particle_count,

@@ -20,13 +20,14 @@ class ContactStage:
     """
 
     def __init__(self, model: Model, contact: str):
+        self.model = model
         self.obstacles = ObstacleResponse(model) if contact != "none" else None
         self.cloths = ClothContact(model) if contact == "all" and model.tri_count > 0 else None
 
     @property
     def acts(self) -> bool:
         """Whether the stage may change the end of a step at all."""
-        return self.cloths is not None or (self.obstacles is not None and self.obstacles.model.shapes.count > 0)
+        return self.cloths is not None or (self.obstacles is not None and self.model.shapes.count > 0)
 
     def interval(self, dt: float, substeps: int) -> int:
         """Substeps that share one detection, of ``substeps`` in a frame of dt [s]."""
@@ -39,6 +40,8 @@ class ContactStage:
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """After each substep of dt [s]: corrects its end. Obstacles come last: they do not give way."""
+        if self.acts:
+            self.model.shapes.place(self.model.tracks, state_in.world_time, dt)
         if self.cloths is not None:
             self.cloths.resolve(state_in, state_out, dt)
         if self.obstacles is not None:
