@@ -50,6 +50,10 @@ class StabilityWarning(UserWarning):
     """The steps asked for are too large for the integrator; the message says how many substeps would do."""
 
 
+class ContactWarning(UserWarning):
+    """The guard against intersections has to hold much of the cloth back; the message says what helps."""
+
+
 class ConvergenceWarning(UserWarning):
     """The solver of an implicit step gave up before it met its tolerance; the message says what helps."""
 

@@ -9,7 +9,7 @@ import warp as wp
 
 from . import diagnostics, stability, validate
 from .contact import CONTACTS, ContactStage
-from .errors import ConvergenceWarning, StabilityWarning
+from .errors import ContactWarning, ConvergenceWarning, StabilityWarning
 from .forces import Forces, Springs
 from .integrators import make_integrator
 from .kinematics import drive_pins
@@ -18,6 +18,7 @@ from .state import State
 
 REST_SPEED = 0.01  # [m/s] root mean square below which cloth counts as at rest
 REST_TIME = 0.25  # [s] for which it must stay so
+LOCKED_SHARE, LOCKED_FRAMES = 0.1, 10
 MAX_SUBSTEPS = 100_000
 
 
@@ -81,6 +82,7 @@ class Simulation:
         self._ran: set[tuple[float, int]] = set()
         self._rest_since: float | None = None
         self._warned = False
+        self._held_frames, self._held = 0, 0
         self._judged: set[float] = set()
         if contact != "none":
             diagnostics.check_start(model, self.state)
@@ -214,6 +216,7 @@ class Simulation:
             self._rest_since = None
         elif self._rest_since is None:
             self._rest_since = self.time
+        self._watch_guard()
         if self.integrator.implicit and not self._warned and self.integrator.metrics().get("unconverged_steps", 0):
             self._warned = True
             warnings.warn(
@@ -221,6 +224,20 @@ class Simulation:
                 "with what it had; use more substeps, allow more iterations, or see metrics()['unconverged_steps'].",
                 ConvergenceWarning,
                 stacklevel=3,
+            )
+
+    def _watch_guard(self) -> None:
+        """Says so, once, when the guard holds back a tenth of all particles for ten frames on end: cloth is locked."""
+        held = self.contact.metrics().get("contact_held", 0)
+        many = held - self._held > LOCKED_SHARE * self.model.particle_count
+        self._held, self._held_frames = held, self._held_frames + 1 if many else 0
+        if self._held_frames == LOCKED_FRAMES:
+            warnings.warn(
+                f"Cloth is locked at t = {self.time:g} s: more than {LOCKED_SHARE:.0%} of it is held back in every frame, to "
+                "keep it from passing through itself or an obstacle; use more substeps, slower motions, thicker cloth, or "
+                'contact="obstacles".',
+                ContactWarning,
+                stacklevel=4,
             )
 
     def _world_gravity(self, gravity: Any) -> wp.array:

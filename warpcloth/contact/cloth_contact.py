@@ -33,7 +33,7 @@ class ClothContact:
 
     def __init__(self, model: Model):
         self.model = model
-        self.kernels = model.kernels.cloth_contact
+        self.kernels = model.kernels
         self.surface = Surface(model)
         n, tris, device = self.surface.particle_count, self.surface.tri_count, model.device
         self.near = PairList(model, 2 * tris)
@@ -53,7 +53,9 @@ class ClothContact:
         model, surface = self.model, self.surface
         model.shapes.place(model.tracks, state.world_time, INTERVAL)
         surface.place(state.particle_q, model.shapes.end, self.before)
-        self._launch(self.kernels.foresee, model.particle_count, [state.particle_qd, INTERVAL], [self.before])
+        self._launch(
+            self.kernels.contact_pairs.foresee, model.particle_count, [state.particle_qd, INTERVAL], [self.before]
+        )
         model.shapes.place(model.tracks, state.world_time, 0.0)
         surface.place(state.particle_q, model.shapes.end, self.now)
         wp.copy(self.start, self.now)
@@ -66,12 +68,12 @@ class ClothContact:
         wp.copy(self.before, state_in.particle_q, count=model.particle_count)
         surface.place(state_out.particle_q, model.shapes.end, self.now)
         self._launch(
-            self.kernels.find_contacts, near.capacity,
+            self.kernels.contact_response.find_contacts, near.capacity,
             [near.pairs, self.now],
             [near.weights, near.normal, near.depth, self.share],
         )  # fmt: skip
         self._launch(
-            self.kernels.push_contacts, near.capacity,
+            self.kernels.contact_response.push_contacts, near.capacity,
             [
                 surface.inv_mass, surface.friction, near.pairs, self.before, self.now, dt, near.weights, near.normal,
                 near.depth, self.share,
@@ -79,7 +81,7 @@ class ClothContact:
             [self.move, self.kick],
         )  # fmt: skip
         self._launch(
-            self.kernels.commit_push, model.particle_count,
+            self.kernels.contact_response.commit_push, model.particle_count,
             [],
             [state_out.particle_q, state_out.particle_qd, self.move, self.kick, self.share],
         )  # fmt: skip
@@ -88,7 +90,7 @@ class ClothContact:
         """Ends an interval at ``state``: holds back what would have passed through cloth."""
         model = self.model
         self._launch(
-            self.kernels.count_torn, model.tri_count,
+            self.kernels.contact_guard.count_torn, model.tri_count,
             [model.tri_indices, model.particle_q, TORN, state.particle_q],
             [self.torn],
         )  # fmt: skip
@@ -99,7 +101,7 @@ class ClothContact:
         self.held_back.fill_(1)
         wp.capture_while(self.held_back, self._hold_back)
         self._launch(
-            self.kernels.apply_limit, model.particle_count,
+            self.kernels.contact_guard.apply_limit, model.particle_count,
             [self.start, self.fraction],
             [state.particle_q, state.particle_qd, self.counts],
         )  # fmt: skip
@@ -134,7 +136,7 @@ class ClothContact:
         """One round of the guard; it goes on while any particle had to be held back further."""
         self.held_back.zero_()
         self._launch(
-            self.kernels.limit_motion, self.swept.capacity,
+            self.kernels.contact_guard.limit_motion, self.swept.capacity,
             [self.surface.inv_mass, self.swept.pairs, SEPARATION, self.start, self.now, self.fraction],
             [self.next_fraction, self.held_back, self.counts],
         )  # fmt: skip
@@ -146,7 +148,7 @@ class ClothContact:
         self.bvh.refit()
         target.pairs.count.zero_()
         self._launch(
-            self.kernels.find_pairs, surface.tri_count,
+            self.kernels.contact_pairs.find_pairs, surface.tri_count,
             [
                 surface.tri_indices, surface.tri_owned, surface.world, surface.body, surface.radius, surface.rest,
                 start, end, self.lower, self.upper, self.bvh.id, margin, surface.cloth_tris, surface.cloth_particles,
@@ -154,11 +156,11 @@ class ClothContact:
             ],
             [target.pairs],
         )  # fmt: skip
-        self._launch(self.kernels.note_peak, 1, [target.pairs.count], [target.peak])
+        self._launch(self.kernels.contact_pairs.note_peak, 1, [target.pairs.count], [target.peak])
 
     def _bounds(self, start: wp.array, end: wp.array, margin: float) -> None:
         inputs = [self.surface.tri_indices, start, end, margin]
-        self._launch(self.kernels.swept_bounds, self.surface.tri_count, inputs, [self.lower, self.upper])
+        self._launch(self.kernels.contact_pairs.swept_bounds, self.surface.tri_count, inputs, [self.lower, self.upper])
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
         wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)

@@ -7,7 +7,7 @@ from ..model import Model
 
 
 class PairList:
-    """Device memory for pairs found by ``kernels/cloth_contact.py``.
+    """Device memory for pairs found by ``kernels/contact_pairs.py``.
 
     Finding counts every pair, but writes only as many as there is room for; ``peak`` keeps the greatest count since it
     was last cleared, so that whoever sees it above ``capacity`` can grow the list and do the work again.
@@ -36,7 +36,7 @@ class PairList:
             return wp.zeros(capacity, dtype=dtype, device=self.model.device)
 
         self.capacity = capacity
-        self.pairs = self.model.kernels.cloth_contact.Pairs()
+        self.pairs = self.model.kernels.contact_pairs.Pairs()
         self.pairs.count = wp.zeros(1, dtype=wp.int32, device=self.model.device)
         self.pairs.peak = self.peak
         self.pairs.kind = room(wp.int32)

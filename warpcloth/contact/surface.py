@@ -1,4 +1,4 @@
-"""The surface that takes part in contact: the triangles of all cloths, then those of all mesh obstacles.
+"""The surface that takes part in contact: all cloths, then the obstacles with edges: boxes and meshes.
 
 Obstacle vertices are particles without inverse mass, whose places are prescribed. So the edges and corners of an
 obstacle meet cloth just as cloth does, and cannot poke through between its particles.
@@ -8,17 +8,41 @@ import numpy as np
 import warp as wp
 
 from ..model import Model
-from ..obstacles import MeshObstacle
+from ..obstacles import Box, MeshObstacle, Obstacle
+from ..transforms import rotation_matrix
 from .pair_list import owned_features
+
+# Corner k of a box has the signs of the bits of k (x first); two triangles a face, counter-clockwise from outside.
+_BOX_CORNERS = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)])
+_BOX_FACES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+_BOX_TRIANGLES = np.array([t for a, b, c, d in _BOX_FACES for t in ((a, b, c), (a, c, d))], np.int32)
+
+
+class Facets:
+    """The corners and triangles of one obstacle: local points, the same in the world at rest [m], and indices."""
+
+    def __init__(self, shape: int, world: int, obstacle: Box | MeshObstacle):
+        self.shape, self.world, self.obstacle = shape, world, obstacle
+        if isinstance(obstacle, Box):
+            self.local, self.triangles = _BOX_CORNERS * obstacle.size, _BOX_TRIANGLES
+            self.rest = self.local @ rotation_matrix(obstacle.rotation).T + obstacle.center
+        else:
+            self.local, self.triangles = obstacle.points - obstacle.centre, obstacle.triangles
+            self.rest = obstacle.points
+
+
+def faceted(obstacles: list[tuple[int, Obstacle, int]]) -> list[Facets]:
+    """Those of the model's obstacles, in the order of its shapes, that have edges and corners."""
+    return [Facets(s, row[0], row[1]) for s, row in enumerate(obstacles) if isinstance(row[1], Box | MeshObstacle)]
 
 
 class Surface:
-    """Particles and triangles of cloth and mesh obstacles, in this order.
+    """Particles and triangles of cloth, then of boxes and meshes.
 
     Attributes:
         particle_count, cloth_particles, tri_count, cloth_tris: numbers of all, and of those of cloth.
         inv_mass [1/kg], radius [m], friction, world, body, rest [m]: of all particles; ``body`` numbers
-            cloths and meshes.
+            cloths and obstacles.
         tri_indices, tri_owned: corners of each triangle, and which vertices and edges it answers for.
         thickest: greatest sum of a cloth's and another body's radius [m].
     """
@@ -26,38 +50,43 @@ class Surface:
     def __init__(self, model: Model):
         self.model = model
         self.cloth_particles, self.cloth_tris = model.particle_count, model.tri_count
-        rows = [(s, row[0], row[1]) for s, row in enumerate(model.shapes.obstacles) if isinstance(row[1], MeshObstacle)]
-        sizes = np.array([len(obstacle.points) for _, _, obstacle in rows], int)
-        self._firsts = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+        solids = faceted(model.shapes.obstacles)
+        self._sizes = [len(solid.local) for solid in solids]
+        self._deforming = self._find_deforming(solids)
 
-        def joined(cloth: wp.array, values: list, dtype: type) -> wp.array:
-            return model.array(np.concatenate([cloth.numpy(), np.repeat(np.array(values, float), sizes)]), dtype)
+        def joined(cloth: wp.array, values: list[float], dtype: type) -> wp.array:
+            return model.array(np.concatenate([cloth.numpy(), np.repeat(np.array(values, float), self._sizes)]), dtype)
 
-        self.inv_mass = joined(model.particle_inv_mass, [0.0 for _ in rows], model.real)
-        self.radius = joined(model.particle_radius, [obstacle.thickness for _, _, obstacle in rows], model.real)
-        self.friction = joined(model.particle_friction, [obstacle.friction for _, _, obstacle in rows], model.real)
-        self.world = joined(model.particle_world, [world for _, world, _ in rows], wp.int32)
-        bodies = np.repeat(
-            np.arange(len(model.cloths) + len(rows)), [*(c.stop - c.start for c in model.cloths), *sizes]
-        )  # fmt: skip
-        self.body = model.array(bodies, wp.int32)
-        self.rest = model.array(np.concatenate([model.particle_q.numpy(), *(o.points for _, _, o in rows)]), model.vec3)
-        self._place = wp.array(
-            np.repeat([s for s, _, _ in rows], sizes).astype(np.int32), dtype=wp.int32, device=model.device
-        )
-        local = [o.points - o.centre for _, _, o in rows]
-        self._local = model.array(np.concatenate([np.zeros((0, 3)), *local]), wp.vec3)
-        starts = self.cloth_particles + self._firsts
-        triangles = [
-            model.tri_indices.numpy(),
-            *(o.triangles + first for (_, _, o), first in zip(rows, starts, strict=False)),
-        ]
-        corners = np.concatenate(triangles)
-        self.tri_indices = model.array(corners, wp.int32)
-        self.tri_owned = model.array(owned_features(corners), wp.int32)
-        self.particle_count, self.tri_count = len(bodies), len(corners)
+        self.inv_mass = joined(model.particle_inv_mass, [0.0 for _ in solids], model.real)
+        self.radius = joined(model.particle_radius, [solid.obstacle.thickness for solid in solids], model.real)
+        self.friction = joined(model.particle_friction, [solid.obstacle.friction for solid in solids], model.real)
+        self.world = joined(model.particle_world, [solid.world for solid in solids], wp.int32)
+        self._shape = model.array(np.repeat(np.array([s.shape for s in solids], np.int32), self._sizes), wp.int32)
+        self._local = model.array(np.concatenate([np.zeros((0, 3)), *(s.local for s in solids)]), wp.vec3)
+        self.rest = model.array(np.concatenate([model.particle_q.numpy(), *(s.rest for s in solids)]), model.vec3)
+        sizes = [*(cloth.stop - cloth.start for cloth in model.cloths), *self._sizes]
+        self.body = model.array(np.repeat(np.arange(len(sizes)), sizes), wp.int32)
+        self._join_triangles(solids)
         cloth = float(model.particle_radius.numpy().max())
-        self.thickest = cloth + max([cloth, *(obstacle.thickness for _, _, obstacle in rows)])
+        self.thickest = cloth + max([cloth, *(solid.obstacle.thickness for solid in solids)])
+
+    def _join_triangles(self, solids: list[Facets]) -> None:
+        firsts = self.cloth_particles + np.cumsum([0, *self._sizes])
+        parts = [solid.triangles + first for solid, first in zip(solids, firsts[:-1], strict=True)]
+        corners = np.concatenate([self.model.tri_indices.numpy(), *parts])
+        self.tri_indices = self.model.array(corners, wp.int32)
+        self.tri_owned = self.model.array(owned_features(corners), wp.int32)
+        self.particle_count, self.tri_count = int(firsts[-1]), len(corners)
+
+    def _find_deforming(self, solids: list[Facets]) -> list[tuple[wp.Mesh, int]]:
+        """Meshes whose own points change, and where theirs begin among all obstacle points."""
+        firsts = np.cumsum([0, *self._sizes])
+        moving = iter(self.model.shapes.deforming)
+        return [
+            (next(moving).mesh, int(first))
+            for solid, first in zip(solids, firsts[:-1], strict=True)
+            if isinstance(solid.obstacle, MeshObstacle) and solid.obstacle.sample_times is not None
+        ]
 
     def positions(self) -> wp.array:
         """A new array for the positions of all particles [m], at rest."""
@@ -69,13 +98,12 @@ class Surface:
         extra = self.particle_count - self.cloth_particles
         if extra == 0:
             return
-        for mesh, first in zip(self.model.shapes.meshes, self._firsts[:-1], strict=True):
-            if any(item.mesh is mesh for item in self.model.shapes.deforming):
-                wp.copy(self._local, mesh.points, dest_offset=int(first), count=len(mesh.points))
+        for mesh, first in self._deforming:
+            wp.copy(self._local, mesh.points, dest_offset=first, count=len(mesh.points))
         wp.launch(
-            self.model.kernels.cloth_contact.place_points,
+            self.model.kernels.contact_pairs.place_points,
             dim=extra,
-            inputs=[self.cloth_particles, self._place, self._local, placements],
+            inputs=[self.cloth_particles, self._shape, self._local, placements],
             outputs=[out],
             device=self.model.device,
         )

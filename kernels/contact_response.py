@@ -1,0 +1,157 @@
+"""Response of pairs in contact, after each step: positions leave the contact, approach ends, friction acts."""
+
+import sys
+
+import warp as wp
+
+from .closest import combine, pair_weights
+from .contact_pairs import Pairs, narrow, wide
+from .precision import OPTIONS, real, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+# Sums over pairs are taken in fixed point: integers add up to the same whatever the order of the pairs, so the result
+# depends neither on the tree's shape, nor on the other worlds, nor on the device's threads.
+MOVE_UNIT = wp.constant(wp.float64(2.0**50))  # per metre: up to 8 km by 1e-15 m
+KICK_UNIT = wp.constant(wp.float64(2.0**40))  # per m/s: up to 8e6 m/s by 1e-12 m/s
+SHARE_UNIT = wp.constant(wp.float64(2.0**40))
+
+
+@wp.func
+def add_fixed(sums_out: wp.array2d(dtype=wp.int64), i: int, x: wp.vec3d, unit: wp.float64):
+    """Adds x to row i."""
+    for m in range(3):
+        wp.atomic_add(sums_out, i, m, wp.int64(wp.round(unit * x[m])))
+
+
+@wp.func
+def from_fixed(sums: wp.array2d(dtype=wp.int64), i: int, unit: wp.float64):
+    """Row i as a vector."""
+    return wp.vec3d(wp.float64(sums[i, 0]), wp.float64(sums[i, 1]), wp.float64(sums[i, 2])) / unit
+
+
+@wp.kernel
+def find_contacts(
+    # Model
+    pairs: Pairs,
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    # Out
+    weights_out: wp.array(dtype=wp.vec4d),
+    normal_out: wp.array(dtype=wp.vec3d),
+    depth_out: wp.array(dtype=wp.float64),
+    share_out: wp.array(dtype=wp.int64),
+):
+    """Which pairs are closer than their contact distance: weights, normal, depth [m]; and Σ |weight| per particle."""
+    k = wp.tid()
+    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
+        return
+    i = pairs.particles[k]
+    x0 = wide(particle_q[i[0]])
+    x1 = wide(particle_q[i[1]])
+    x2 = wide(particle_q[i[2]])
+    x3 = wide(particle_q[i[3]])
+    zero = wp.float64(0.0)
+    w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
+    d = combine(w, x0, x1, x2, x3)
+    length = wp.length(d)
+    n = pairs.side[k]
+    # Through each other are only features whose closest points lie inside both; past a border d may turn as it likes.
+    inside = w[0] != zero and w[1] != zero and w[2] != zero and w[3] != zero
+    if length > wp.float64(1.0e-3) * pairs.distance[k]:
+        if inside and wp.dot(d, n) < zero:
+            n = -d / length
+        else:
+            n = d / length
+    depth = pairs.distance[k] - wp.dot(d, n)
+    depth_out[k] = depth
+    if depth > zero:
+        weights_out[k] = w
+        normal_out[k] = n
+        for m in range(4):
+            wp.atomic_add(share_out, i[m], wp.int64(wp.round(SHARE_UNIT * wp.abs(w[m]))))
+
+
+@wp.kernel
+def push_contacts(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    particle_friction: wp.array(dtype=real),
+    pairs: Pairs,
+    # State in
+    particle_start: wp.array(dtype=vec3),
+    particle_q: wp.array(dtype=vec3),
+    dt: wp.float64,
+    weights: wp.array(dtype=wp.vec4d),
+    normal: wp.array(dtype=wp.vec3d),
+    depth: wp.array(dtype=wp.float64),
+    share: wp.array(dtype=wp.int64),
+    # Out
+    move_out: wp.array2d(dtype=wp.int64),
+    kick_out: wp.array2d(dtype=wp.int64),
+):
+    """Positions leave the contact; velocities lose what brought them there; friction acts within Coulomb's cone.
+
+    All pairs act at once (Jacobi), each by the part that keeps them together from overshooting: its diagonal over the
+    sum of its row in the contact matrix J M⁻¹ Jᵀ. As it is one number for all four particles, momentum is conserved.
+    A pair's part of the depth goes to the positions and, as far as the pair approached in this step, over dt to the
+    velocities: contact stops what comes, but throws nothing back. Friction takes up to μ times that push from the
+    tangential displacement. (Measured on a pile of four sheets at rest, root mean square velocity that the positions do
+    not have: 0.12 m/s with the part of the approach instead, 0.012 m/s so.)
+    """
+    k = wp.tid()
+    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
+        return
+    if depth[k] <= wp.float64(0.0):
+        return
+    i = pairs.particles[k]
+    w = weights[k]
+    n = normal[k]
+    zero = wp.float64(0.0)
+    effective = zero
+    crowd = zero
+    moved = wp.vec3d()
+    for m in range(4):
+        mobility = wp.float64(particle_inv_mass[i[m]])
+        effective += w[m] * w[m] * mobility
+        crowd += wp.abs(w[m]) * mobility * wp.float64(share[i[m]]) / SHARE_UNIT
+        moved += w[m] * (wide(particle_q[i[m]]) - wide(particle_start[i[m]]))
+    if effective <= zero:
+        return
+    part = effective / crowd
+    depth_share = part * depth[k]
+    push = wp.min(depth_share, wp.max(-wp.dot(moved, n), zero))
+    tangential = moved - wp.dot(moved, n) * n
+    slip = wp.length(tangential)
+    friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
+    lost = zero
+    if slip > zero:
+        lost = wp.min(friction * push / (part * slip), wp.float64(1.0))
+    slide = (lost * part) * tangential
+    kick = (push * n - slide) / (effective * dt)
+    move = (depth_share * n - slide) / effective
+    for m in range(4):
+        c = w[m] * wp.float64(particle_inv_mass[i[m]])
+        add_fixed(move_out, i[m], c * move, MOVE_UNIT)
+        add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
+
+
+@wp.kernel
+def commit_push(
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+    move_out: wp.array2d(dtype=wp.int64),
+    kick_out: wp.array2d(dtype=wp.int64),
+    share_out: wp.array(dtype=wp.int64),
+):
+    """Adds what the contacts ask for, and clears the sums for the next round."""
+    i = wp.tid()
+    if share_out[i] > wp.int64(0):
+        particle_q_out[i] = narrow(wide(particle_q_out[i]) + from_fixed(move_out, i, MOVE_UNIT))
+        particle_qd_out[i] = narrow(wide(particle_qd_out[i]) + from_fixed(kick_out, i, KICK_UNIT))
+        share_out[i] = wp.int64(0)
+        for m in range(3):
+            move_out[i, m] = wp.int64(0)
+            kick_out[i, m] = wp.int64(0)
