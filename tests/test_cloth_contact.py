@@ -1,5 +1,7 @@
 """Cloth against itself and other cloth: free of intersections in, free of intersections out."""
 
+import functools
+
 import numpy as np
 import pytest
 import warp as wp
@@ -12,6 +14,7 @@ from warpcloth.contact.pair_list import owned_features
 from warpcloth.errors import BadStartError, DivergedError, StabilityWarning
 
 SOFT = wc.Fabric(stretch_stiffness=60.0, shear_stiffness=12.0, bend_stiffness=0.5, thickness=0.004)
+touching = functools.partial(wc.Simulation, contact="all")
 INTEGRATORS = ("symplectic_euler", "xpbd")
 
 
@@ -36,9 +39,9 @@ def tilted(z: float, angle: float) -> np.ndarray:
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_drape_on_a_sphere_folds_without_crossing(integrator):
     model = wc.Model.build(sheet(n=20, transform=(0, 0, 0.24)), [wc.Sphere((0, 0, 0.12), 0.1), wc.Plane()])
-    sim = wc.Simulation(model, integrator=integrator, substeps=60)
+    sim = touching(model, integrator=integrator, substeps=60)
     assert_never_intersects(sim, 60)
-    without = wc.Simulation(model, integrator=integrator, substeps=60, contact="obstacles")
+    without = touching(model, integrator=integrator, substeps=60, contact="obstacles")
     crossed = 0
     for _ in range(60):
         without.step(1 / 60)
@@ -51,7 +54,7 @@ def test_sheets_thrown_at_each_other_do_not_pass(integrator):
     upper = sheet("upper", 14, transform=tilted(0.15, 0.4), velocity=(0, 0, -15))
     lower = sheet("lower", 11, transform=(0, 0, -0.15), velocity=(0.3, 0, 15))
     model = wc.Model.build([upper, lower])
-    sim = wc.Simulation(model, integrator=integrator, substeps=40, gravity=(0, 0, 0))
+    sim = touching(model, integrator=integrator, substeps=40, gravity=(0, 0, 0))
     before = momentum(sim)
     assert_never_intersects(sim, 12)
     x = sim.state.particle_q.numpy()
@@ -68,7 +71,7 @@ def test_response_alone_conserves_momentum():
     """Slow enough for the guard to have nothing to do."""
     upper = sheet("upper", 12, transform=tilted(0.01, 0.3), velocity=(0.2, 0, -0.4))
     lower = sheet("lower", 9, transform=(0, 0, -0.01))
-    sim = wc.Simulation(wc.Model.build([upper, lower], precision="float64"), gravity=(0, 0, 0), substeps=60)
+    sim = touching(wc.Model.build([upper, lower], precision="float64"), gravity=(0, 0, 0), substeps=60)
     before = momentum(sim)
     assert_never_intersects(sim, 12)
     assert sim.metrics()["contact_held"] == 0
@@ -78,7 +81,7 @@ def test_response_alone_conserves_momentum():
 
 def test_a_pile_comes_to_rest():
     layers = [sheet(f"layer {k}", 9, size=0.2, transform=tilted(0.02 + 0.02 * k, 0.5 * k)) for k in range(4)]
-    sim = wc.Simulation(wc.Model.build(layers, [wc.Plane()]), integrator="xpbd", substeps=20)
+    sim = touching(wc.Model.build(layers, [wc.Plane()]), integrator="xpbd", substeps=20)
     assert_never_intersects(sim, 150)
     assert sim.settled
     heights = [sim.state.particle_q.numpy()[c.start : c.stop, 2].mean() for c in sim.model.cloths]
@@ -87,7 +90,7 @@ def test_a_pile_comes_to_rest():
 
 def test_worlds_do_not_meet():
     model = wc.Model.build_worlds([([sheet(n=6)], []), ([sheet(n=6, transform=(0, 0, -0.05))], [])])
-    sim = wc.Simulation(model, substeps=40)
+    sim = touching(model, substeps=40)
     sim.run(30)
     z = sim.state.particle_q.numpy()[:, 2]
     assert np.allclose(z[:36] - z[36:], 0.05, atol=1e-5)
@@ -96,7 +99,7 @@ def test_worlds_do_not_meet():
 def test_contact_is_repeatable_and_the_same_in_a_graph():
     def result(graph: bool) -> np.ndarray:
         model = wc.Model.build(sheet(n=14, transform=(0, 0, 0.24)), [wc.Sphere((0, 0, 0.12), 0.1), wc.Plane()])
-        sim = wc.Simulation(model, substeps=50, graph=graph)
+        sim = touching(model, substeps=50, graph=graph)
         sim.run(30)
         return sim.state.particle_q.numpy()
 
@@ -108,7 +111,7 @@ def test_contact_is_repeatable_and_the_same_in_a_graph():
 def test_lists_that_are_too_short_grow_and_lose_nothing():
     def result(capacity: int | None) -> np.ndarray:
         model = wc.Model.build([sheet("a", 10, transform=tilted(0.02, 0.3)), sheet("b", 10)], [wc.Plane((0, 0, -0.05))])
-        sim = wc.Simulation(model, substeps=40)
+        sim = touching(model, substeps=40)
         if capacity is not None:
             for pairs in (sim.contact.cloths.near, sim.contact.cloths.swept):
                 pairs._allocate(capacity)
@@ -121,7 +124,7 @@ def test_lists_that_are_too_short_grow_and_lose_nothing():
 def test_an_intersecting_start_is_refused():
     upright = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
     with pytest.raises(BadStartError, match=r"starts intersecting: .* 'flat', 'upright'"):
-        wc.Simulation(wc.Model.build([sheet("flat", 5), sheet("upright", 6, transform=upright)]))
+        touching(wc.Model.build([sheet("flat", 5), sheet("upright", 6, transform=upright)]))
 
 
 @settings(max_examples=30, deadline=None)
@@ -146,7 +149,7 @@ def test_random_throws_stay_free_of_intersections(seed, speed, n):
         velocity = speed * rng.normal(size=3) * [0.3, 0.3, 1.0]
         cloths.append(sheet(f"c{k}", n + k, size=0.3, transform=tilted(0.08 * k, rng.uniform(0, 6)), velocity=velocity))
     model = wc.Model.build(cloths, [wc.Plane((0, 0, -0.2)), wc.Box((0, 0, 0.4), (2, 2, 0.1))])
-    sim = wc.Simulation(model, integrator="xpbd", substeps=15)
+    sim = touching(model, integrator="xpbd", substeps=15)
     for _ in range(10):
         sim.step(1 / 60)
         assert diagnostics.intersections(model, sim.state).sum() == 0
@@ -154,7 +157,7 @@ def test_random_throws_stay_free_of_intersections(seed, speed, n):
 
 
 def test_diverging_cloth_is_reported_and_never_hangs():
-    sim = wc.Simulation(wc.Model.build(wc.Cloth.grid(size=(0.4, 0.4), resolution=(30, 30), pins="left")), substeps=2)
+    sim = touching(wc.Model.build(wc.Cloth.grid(size=(0.4, 0.4), resolution=(30, 30), pins="left")), substeps=2)
     with pytest.warns(StabilityWarning), pytest.raises(DivergedError, match="diverged"):
         sim.run(200)
 
@@ -165,7 +168,7 @@ def test_a_spike_between_particles_does_not_poke_through(integrator):
     base = np.array([[0.03, 0, -0.2], [-0.015, 0.026, -0.2], [-0.015, -0.026, -0.2], [0.006, 0.004, 0.0]])
     spike = wc.MeshObstacle(base, [[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]], thickness=0.002)
     cloth = sheet(n=8, transform=(0, 0, 0.03))
-    sim = wc.Simulation(wc.Model.build(cloth, [spike]), integrator=integrator, substeps=60)
+    sim = touching(wc.Model.build(cloth, [spike]), integrator=integrator, substeps=60)
     for _ in range(25):
         sim.step(1 / 60)
         x = sim.state.particle_q.numpy()
@@ -180,6 +183,6 @@ def test_edges_that_slide_past_each_other_do_not_flip():
     square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
     table = wc.MeshObstacle(square, [[0, 1, 2], [0, 2, 3]], friction=0.0, thickness=0.002)
     cloth = sheet(n=8, size=0.2, transform=tilted(0.0045, 0.3), velocity=(1.0, 0.0, 0.0))
-    sim = wc.Simulation(wc.Model.build(cloth, table), gravity=(0, 0, 0), substeps=50)
+    sim = touching(wc.Model.build(cloth, table), gravity=(0, 0, 0), substeps=50)
     sim.run(12)
     assert np.allclose(sim.state.particle_qd.numpy(), (1.0, 0.0, 0.0), atol=1e-4)

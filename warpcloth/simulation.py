@@ -31,7 +31,7 @@ class Simulation:
         integrator_options: keyword options of the scheme, such as iteration counts.
         gravity: acceleration [m/s²], shape [3], or one per world, shape [world_count, 3].
         substeps: integrator steps per call of :meth:`step`, or "auto": as few as are stable.
-        contact: "all" (cloth with obstacles, itself and other cloth), "obstacles", or "none".
+        contact: "obstacles", "all" (cloth with itself, other cloth and the edges of obstacles, too), or "none".
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
         graph: capture each frame as a graph and replay it, where the device can.
         check: after each frame, raise if anything is not finite.
@@ -55,7 +55,7 @@ class Simulation:
         substeps: int | str = "auto",
         *,
         integrator_options: Mapping[str, Any] | None = None,
-        contact: str = "all",
+        contact: str = "obstacles",
         assembly: str = "scatter",
         graph: bool = True,
         check: bool = True,
@@ -233,9 +233,8 @@ class Simulation:
         self._held, self._held_frames = held, self._held_frames + 1 if many else 0
         if self._held_frames == LOCKED_FRAMES:
             warnings.warn(
-                f"Cloth is locked at t = {self.time:g} s: more than {LOCKED_SHARE:.0%} of it is held back in every frame, to "
-                "keep it from passing through itself or an obstacle; use more substeps, slower motions, thicker cloth, or "
-                'contact="obstacles".',
+                f"Cloth is locked at t = {self.time:g} s: to keep it from intersecting, more than {LOCKED_SHARE:.0%} of it "
+                'is held back in every frame; use more substeps, slower motions, thicker cloth, or contact="obstacles".',
                 ContactWarning,
                 stacklevel=4,
             )

@@ -28,5 +28,5 @@ class SimulationTable(Table):
         "auto", "Device to simulate on: `cpu`, `cuda:0`, …; `auto` is a GPU where there is one, or else the CPU."
     )
     contact: Literal["all", "obstacles", "none"] = field(
-        "all", "What cloth collides with: `all` is obstacles, itself and other cloth."
+        "obstacles", "What cloth collides with; `all` is itself, other cloth and the edges of obstacles, too."
     )
