@@ -233,8 +233,8 @@ class Simulation:
         self._held, self._held_frames = held, self._held_frames + 1 if many else 0
         if self._held_frames == LOCKED_FRAMES:
             warnings.warn(
-                f"Cloth is locked at t = {self.time:g} s: to keep it from intersecting, more than {LOCKED_SHARE:.0%} of it "
-                'is held back in every frame; use more substeps, slower motions, thicker cloth, or contact="obstacles".',
+                f"Cloth is locked at t = {self.time:g} s: over {LOCKED_SHARE:.0%} of it is held back in every frame "
+                "so as not to intersect; use more substeps, slower motions or thicker cloth.",
                 ContactWarning,
                 stacklevel=4,
             )
