@@ -6,6 +6,7 @@ from pxr import Usd, UsdGeom
 from scipy.spatial import cKDTree
 from warpcloth.scenes import load_scene, simulate
 
+# 1 m of cloth in 32 cells is too coarse for the ears' tips between its particles, but its particles must stay outside.
 COARSE = ["cloth.0.resolution=[33, 33]", "frames=72"]
 
 
@@ -51,14 +52,14 @@ def test_the_measure_of_depth_knows_inside_from_outside(drape):
 
 @pytest.mark.parametrize("frame", [6, 72])
 def test_particles_stay_outside_at_the_contact_distance(frame, drape):
-    """Half the fabric's thickness and the obstacle's: 2 mm; a millimetre inside it counts as contact too."""
+    """Half the fabric's thickness and the obstacle's: 5 mm; a millimetre inside it counts as contact too."""
     _, points, _, bunny, triangles = drape
     corners = bunny[triangles]
     winding = np.concatenate([winding_numbers(chunk, corners) for chunk in np.array_split(points[frame], 40)])
     assert not (winding > 0.5).any()
     gaps = distances(points[frame], corners)
-    assert gaps.min() > 0.001
-    assert (gaps < 0.01).sum() > 5  # some of the cloth does touch, or lies on an edge between its particles
+    assert gaps.min() > 0.004
+    assert (gaps < 0.007).sum() > 10  # and some of the cloth does touch
     assert points[frame][:, 2].min() > 0.001  # nor does any go into the ground
 
 
