@@ -59,7 +59,7 @@ def test_particles_stay_outside_at_the_contact_distance(frame, drape):
     assert not (winding > 0.5).any()
     gaps = distances(points[frame], corners)
     assert gaps.min() > 0.004
-    assert (gaps < 0.007).sum() > 10  # and some of the cloth does touch
+    assert (gaps < 0.007).sum() > 5  # and some of the cloth does touch, early only over the ears
     assert points[frame][:, 2].min() > 0.001  # nor does any go into the ground
 
 

@@ -206,7 +206,8 @@ def test_reports_of_people_are_plain_text_in_a_pipe(capsys):
 
 def test_unstable_steps_are_one_line_on_stderr(tmp_path, capfd, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert run(["simulate", "hanging", "--frames", "1", "--substeps", "2", "--device", "cpu", "--json"]) in (0, 3)
+    options = "--frames 1 --integrator symplectic_euler --substeps 2 --device cpu --json"
+    assert run(["simulate", "hanging", *options.split()]) in (0, 3)
     lines = [line for line in capfd.readouterr().err.splitlines() if "is unstable with 2 substeps" in line]
     assert len(lines) == 1
     assert lines[0].startswith("warpcloth: ")

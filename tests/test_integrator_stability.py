@@ -20,7 +20,7 @@ def step_matrix(name: str, h: float, zeta: float = 0.0) -> np.ndarray:
     columns = []
     size = 0.25 if INTEGRATORS[name].implicit else 0.01  # [m], so small that no stage comes near zero length
     for x, v in ((size, 0.0), (0.0, size)):
-        sim = simulation(oscillator(1.0, zeta, x, v), name, contact=False, check=False, graph=False)
+        sim = simulation(oscillator(1.0, zeta, x, v), name, contact="none", check=False, graph=False)
         later = sim.state.twin()
         sim.integrator.step(sim.model, sim.state, later, sim.forces, h)
         end = np.array([later.particle_q.numpy()[1, 0] - 1.0, later.particle_qd.numpy()[1, 0]])
