@@ -119,7 +119,7 @@ def time_of_impact(
     one = wp.float64(1.0)
     if reach <= d - keep or not wp.isfinite(reach):
         return one
-    stop = wp.float64(0.1) * (d - keep)
+    stop = wp.min(wp.float64(0.1) * (d - keep), wp.float64(10.0) * separation)
     t = wp.float64(0.0)
     advance = wp.float64(0.9) * (d - keep) / reach
     for _i in range(256):

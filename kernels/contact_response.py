@@ -31,6 +31,13 @@ def from_fixed(sums: wp.array2d(dtype=wp.int64), i: int, unit: wp.float64):
     return wp.vec3d(wp.float64(sums[i, 0]), wp.float64(sums[i, 1]), wp.float64(sums[i, 2])) / unit
 
 
+@wp.func
+def add_share(share_out: wp.array(dtype=wp.int64), i: wp.vec4i, w: wp.vec4d):
+    """Adds the weights' magnitudes to the sums of the four particles."""
+    for m in range(4):
+        wp.atomic_add(share_out, i[m], wp.int64(wp.round(SHARE_UNIT * wp.abs(w[m]))))
+
+
 @wp.kernel
 def find_contacts(
     # Model
@@ -69,8 +76,7 @@ def find_contacts(
     if depth > zero:
         weights_out[k] = w
         normal_out[k] = n
-        for m in range(4):
-            wp.atomic_add(share_out, i[m], wp.int64(wp.round(SHARE_UNIT * wp.abs(w[m]))))
+        add_share(share_out, i, w)
 
 
 @wp.kernel

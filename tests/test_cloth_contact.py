@@ -59,8 +59,8 @@ def test_sheets_thrown_at_each_other_do_not_pass(integrator):
     assert_never_intersects(sim, 12)
     x = sim.state.particle_q.numpy()
     assert x[: 14 * 14, 2].mean() > x[14 * 14 :, 2].mean()
-    # What the guard stops loses its momentum: at these speeds up to a few per cent of what each sheet brought.
-    assert np.allclose(momentum(sim), before, atol=0.05 * 0.032 * 15)
+    # What the guard stops loses its momentum: at these speeds up to two per cent of what each sheet brought.
+    assert np.allclose(momentum(sim), before, atol=0.02 * 0.032 * 15)
 
 
 def momentum(sim: wc.Simulation) -> np.ndarray:
@@ -77,6 +77,19 @@ def test_response_alone_conserves_momentum():
     assert sim.metrics()["contact_held"] == 0
     assert np.abs(sim.state.particle_qd.numpy()[12 * 12 :]).max() > 0.01  # they did meet
     assert np.abs(momentum(sim) - before).max() < 1e-12
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_violent_folds_are_parted_and_nothing_is_held_back(integrator):
+    """A ball is hurled through a sheet hung by two corners, and back: layers meet faster than the response can part."""
+    upright = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0.5], [0, 0, 0, 1.0]])
+    there_and_back = wc.Motion([0, 0.25, 0.5], [[0, 0, 0], [0, 0.6, -0.1], [0, 0, 0]], np.zeros((3, 3)))
+    ball = wc.Sphere((0, -0.25, 0.45), 0.08, motion=there_and_back)
+    cloth = sheet(n=20, transform=upright, pins=["top_left", "top_right"])
+    sim = touching(wc.Model.build(cloth, ball), integrator=integrator, substeps=30)
+    assert_never_intersects(sim, 50)
+    assert sim.metrics()["contact_impacts"] > 0
+    assert sim.metrics()["contact_held"] == 0
 
 
 def test_a_pile_comes_to_rest():
@@ -139,8 +152,7 @@ def test_every_vertex_and_edge_has_one_owner(columns, rows):
     assert len(owners) == len(edges)
 
 
-@pytest.mark.filterwarnings("ignore::warpcloth.errors.ContactWarning")
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6), speed=st.floats(0.5, 20.0), n=st.integers(5, 10))
 def test_random_throws_stay_free_of_intersections(seed, speed, n):
     rng = np.random.default_rng(seed)

@@ -1,0 +1,155 @@
+"""Impacts: pairs that would pass through each other on the straight way of an interval bounce apart at its end.
+
+Bridson, Fedkiw, Anderson (2002), section 7: where pairs meet is found by continuous collision detection; their end is
+moved, and their velocity changed, by the least that keeps them on the sides on which they met. Momentum is conserved.
+"""
+
+import sys
+
+import warp as wp
+
+from .closest import combine, pair_weights, time_of_impact
+from .contact_pairs import Pairs, wide
+from .contact_response import KICK_UNIT, MOVE_UNIT, SHARE_UNIT, add_fixed, add_share
+from .precision import OPTIONS, real, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.kernel
+def find_impacts(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    pairs: Pairs,
+    separation: wp.float64,
+    clearance: wp.float64,
+    # State in
+    particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3),
+    # Out
+    weights_out: wp.array(dtype=wp.vec4d),
+    normal_out: wp.array(dtype=wp.vec3d),
+    depth_out: wp.array(dtype=wp.float64),
+    share_out: wp.array(dtype=wp.int64),
+    impacts_out: wp.array(dtype=wp.int32),
+):
+    """Pairs that meet: weights and normal there, and how far their ends must part [m] to end ``clearance`` of the
+    contact distance apart; and Σ |weight| per particle. Counts them."""
+    k = wp.tid()
+    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
+        return
+    i = pairs.particles[k]
+    zero = wp.float64(0.0)
+    x0 = wide(particle_from[i[0]])
+    x1 = wide(particle_from[i[1]])
+    x2 = wide(particle_from[i[2]])
+    x3 = wide(particle_from[i[3]])
+    u0 = wide(particle_to[i[0]]) - x0
+    u1 = wide(particle_to[i[1]]) - x1
+    u2 = wide(particle_to[i[2]]) - x2
+    u3 = wide(particle_to[i[3]]) - x3
+    depth_out[k] = zero
+    t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
+    if not t < wp.float64(1.0):
+        return
+    x0 += t * u0
+    x1 += t * u1
+    x2 += t * u2
+    x3 += t * u3
+    w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
+    mobility = zero
+    for m in range(4):
+        mobility += wp.abs(w[m]) * wp.float64(particle_inv_mass[i[m]])
+    if mobility <= zero:
+        return
+    d = combine(w, x0, x1, x2, x3)
+    n = wp.normalize(d)
+    reach = clearance * pairs.distance[k]
+    gap = wp.dot(d + (wp.float64(1.0) - t) * combine(w, u0, u1, u2, u3), n)
+    wp.atomic_add(impacts_out, 0, 1)
+    if gap < reach:
+        depth_out[k] = reach - gap
+        weights_out[k] = w
+        normal_out[k] = n
+        add_share(share_out, i, w)
+
+
+@wp.kernel
+def bounce(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    particle_friction: wp.array(dtype=real),
+    pairs: Pairs,
+    # State in
+    particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    cloth_particles: int,
+    weights: wp.array(dtype=wp.vec4d),
+    normal: wp.array(dtype=wp.vec3d),
+    depth: wp.array(dtype=wp.float64),
+    share: wp.array(dtype=wp.int64),
+    impacts: wp.array(dtype=wp.int32),
+    # Out
+    move_out: wp.array2d(dtype=wp.int64),
+    kick_out: wp.array2d(dtype=wp.int64),
+):
+    """Ends part by ``depth``, approach stops, friction takes up to μ times as much from what is tangential.
+
+    All pairs act at once, each by its part; see :func:`contact_response.push_contacts`.
+    """
+    k = wp.tid()
+    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
+        return
+    if depth[k] <= wp.float64(0.0) or impacts[0] == 0:
+        return
+    i = pairs.particles[k]
+    w = weights[k]
+    n = normal[k]
+    zero = wp.float64(0.0)
+    one = wp.float64(1.0)
+    effective = zero
+    crowd = zero
+    moved = wp.vec3d()
+    speed = wp.vec3d()
+    for m in range(4):
+        mobility = wp.float64(particle_inv_mass[i[m]])
+        effective += w[m] * w[m] * mobility
+        crowd += wp.abs(w[m]) * mobility * wp.float64(share[i[m]]) / SHARE_UNIT
+        moved += w[m] * (wide(particle_to[i[m]]) - wide(particle_from[i[m]]))
+        if i[m] < cloth_particles:
+            speed += w[m] * wide(particle_qd[i[m]])
+    if effective <= zero:
+        return
+    part = effective / crowd
+    friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
+    slide = moved - wp.dot(moved, n) * n
+    move = depth[k] * n - wp.min(friction * depth[k] / wp.max(wp.length(slide), wp.float64(1.0e-30)), one) * slide
+    approach = wp.max(-wp.dot(speed, n), zero)
+    slip = speed - wp.dot(speed, n) * n
+    kick = approach * n - wp.min(friction * approach / wp.max(wp.length(slip), wp.float64(1.0e-30)), one) * slip
+    for m in range(4):
+        c = part * w[m] * wp.float64(particle_inv_mass[i[m]]) / effective
+        add_fixed(move_out, i[m], c * move, MOVE_UNIT)
+        add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
+
+
+@wp.kernel
+def count_round(
+    # Model
+    most: int,
+    # Out
+    impacts_out: wp.array(dtype=wp.int32),
+    remaining_out: wp.array(dtype=wp.int32),
+    rounds_out: wp.array(dtype=wp.int32),
+    counts_out: wp.array(dtype=wp.int32),
+):
+    """Ends the rounds after ``most`` of them; counts impacts and rounds for the metrics."""
+    remaining_out[0] = impacts_out[0]
+    if impacts_out[0] == 0:
+        return
+    rounds_out[0] += 1
+    counts_out[2] += impacts_out[0]
+    counts_out[3] = wp.max(counts_out[3], rounds_out[0])
+    if rounds_out[0] > most:
+        impacts_out[0] = 0
