@@ -43,8 +43,8 @@ def spring_strain(model: Model, state: State) -> np.ndarray:
     return out.numpy()
 
 
-def greatest_speed(model: Model, state: State) -> float:
-    """Greatest speed of all particles [m/s]."""
+def greatest_speeds(model: Model, state: State) -> np.ndarray:
+    """Per world: greatest speed of its particles [m/s], shape [world_count]."""
     out = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
     wp.launch(
         model.kernels.diagnostics.greatest_speed,
@@ -53,7 +53,7 @@ def greatest_speed(model: Model, state: State) -> float:
         outputs=[out],
         device=model.device,
     )
-    return float(out.numpy().max())
+    return out.numpy()
 
 
 def frame_motion(model: Model, before: State, state: State) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +85,8 @@ def check_finite(model: Model, bad: np.ndarray, time: float, integrator: str, su
         where = f" of world {world}" if model.world_count > 1 else ""
         raise DivergedError(
             f"The simulation diverged: {bad[world]} particles{where} are not finite at {time:.4g} s with {integrator} "
-            f'and {substeps} substeps; use substeps="auto", more substeps, or an implicit integrator.'
+            f'and {substeps} substeps; use substeps="auto", more substeps, or an implicit integrator.',
+            tuple(np.flatnonzero(bad).tolist()),
         )
 
 
@@ -229,19 +230,47 @@ def _intersections(
 
 
 def measure(model: Model, state: State, time: float) -> dict[str, Any]:
-    """Measures of one state.
+    """Measures of one state, over all its worlds.
 
     Returns:
         ``time`` [s], ``mean_strain`` and ``max_strain`` (of |strain| over the structural springs [-]), ``max_speed``
         [m/s], ``max_penetration_m`` (below the obstacles' true surfaces [m]), ``intersections`` (crossing pairs of
         cloth triangles).
     """
-    strain = np.abs(spring_strain(model, state)[model.spring_kind.numpy() == 0])
+    return _measures(
+        time,
+        np.abs(spring_strain(model, state)[model.spring_kind.numpy() == 0]),
+        greatest_speeds(model, state),
+        penetration_depths(model, state),
+        intersections(model, state),
+    )
+
+
+def measure_worlds(model: Model, state: State, time: float) -> list[dict[str, Any]]:
+    """Measures of each world by itself, as :func:`measure` names them."""
+    structural = model.spring_kind.numpy() == 0
+    strain = np.abs(spring_strain(model, state)[structural])
+    worlds = model.particle_world.numpy()
+    strain_worlds = worlds[model.spring_indices.numpy()[structural, 0]]
+    speeds, depths, crossings = (
+        greatest_speeds(model, state),
+        penetration_depths(model, state),
+        intersections(model, state),
+    )
+    return [
+        _measures(time, strain[strain_worlds == w], speeds[w : w + 1], depths[worlds == w], crossings[w : w + 1])
+        for w in range(model.world_count)
+    ]
+
+
+def _measures(
+    time: float, strain: np.ndarray, speeds: np.ndarray, depths: np.ndarray, crossings: np.ndarray
+) -> dict[str, Any]:
     return {
         "time": time,
         "mean_strain": float(strain.mean()) if strain.size else 0.0,
         "max_strain": float(strain.max()) if strain.size else 0.0,
-        "max_speed": greatest_speed(model, state),
-        "max_penetration_m": float(penetration_depths(model, state).max(initial=0.0)),
-        "intersections": int(intersections(model, state).sum()),
+        "max_speed": float(speeds.max()),
+        "max_penetration_m": float(depths.max(initial=0.0)),
+        "intersections": int(crossings.sum()),
     }

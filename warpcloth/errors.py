@@ -39,7 +39,15 @@ class SimulationError(WarpclothError):
 
 
 class DivergedError(SimulationError):
-    """Positions or velocities became non-finite or absurdly large."""
+    """Positions or velocities became non-finite or absurdly large.
+
+    Attributes:
+        worlds: the worlds in which they did; empty where that is not known.
+    """
+
+    def __init__(self, message: str, worlds: tuple[int, ...] = ()):
+        super().__init__(message)
+        self.worlds = worlds
 
 
 class StepSizeError(SimulationError):

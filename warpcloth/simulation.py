@@ -1,7 +1,7 @@
 """The simulation loop: forces → integrator → contact, many substeps a frame, each frame a captured graph."""
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -68,6 +68,8 @@ class Simulation:
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other, self._before = self.state.twin(), self.state.twin()
         self._time_before = wp.clone(self.state.world_time)
+        self._memory = self.integrator.memory()
+        self._memory_before = [wp.clone(item.array) for item in self._memory]
         self._auto = isinstance(substeps, str)
         self._auto_dt = 0.0
         if self._auto:
@@ -80,7 +82,7 @@ class Simulation:
         self.time = 0.0
         self._graphs: dict[tuple[float, int], wp.Graph] = {}
         self._ran: set[tuple[float, int]] = set()
-        self._rest_since: float | None = None
+        self._rest_since = np.full(model.world_count, np.inf)
         self._warned = False
         self._held_frames, self._held = 0, 0
         self._judged: set[float] = set()
@@ -135,8 +137,36 @@ class Simulation:
 
     @property
     def settled(self) -> bool:
-        """Whether the particles' mean way per frame has stayed below 0.01 m/s for the last 0.25 s (needs ``check``)."""
-        return self._rest_since is not None and self.time - self._rest_since >= REST_TIME
+        """Whether every world is at rest; see :meth:`settled_worlds`."""
+        return bool(self.settled_worlds().all())
+
+    def settled_worlds(self) -> np.ndarray:
+        """Per world whether its particles' mean way per frame has stayed below 0.01 m/s for the last 0.25 s.
+
+        Needs ``check``; bool, shape [world_count].
+        """
+        return self.time - self._rest_since >= REST_TIME
+
+    def continue_from(self, other: "Simulation", worlds: Sequence[int]) -> None:
+        """Goes on where ``other`` is, with some of its worlds: each does from here on what it would have done there.
+
+        Args:
+            other: a simulation with the same options, between two frames.
+            worlds: of which worlds of ``other`` this model has the cloths and obstacles, in rising order.
+        """
+        world_of = other.model.particle_world.numpy()
+        kept = np.isin(world_of, worlds)
+        for mine, theirs in (
+            (self.state.particle_q, other.state.particle_q),
+            (self.state.particle_qd, other.state.particle_qd),
+        ):
+            mine.assign(theirs.numpy()[kept])
+        self.state.world_time.assign(other.state.world_time.numpy()[list(worlds)])
+        for own, memory in zip(self._memory, other._memory, strict=False):
+            rows = slice(None) if memory.particle is None else kept[memory.particle]
+            own.array.assign(memory.array.numpy()[rows])
+        self.time, self.substeps, self._auto_dt = other.time, other.substeps, other._auto_dt
+        self._rest_since = other._rest_since[list(worlds)]
 
     def _advance(self, dt: float, substeps: int) -> None:
         """A frame, from a graph once the same frame has run before (a first run loads the kernels)."""
@@ -182,6 +212,8 @@ class Simulation:
         """Keeps the state before a frame, in case it has to be done again."""
         self._before.copy_from(self.state)
         wp.copy(self._time_before, self.state.world_time)
+        for before, item in zip(self._memory_before, self._memory, strict=True):
+            wp.copy(before, item.array)
         self.contact.remember()
 
     def _restore(self) -> None:
@@ -189,6 +221,8 @@ class Simulation:
         self.state.copy_from(self._before)
         wp.copy(self.state.world_time, self._time_before)
         self.integrator.reset()
+        for before, item in zip(self._memory_before, self._memory, strict=True):
+            wp.copy(item.array, before)
         self._graphs.clear()
         self._ran.clear()
 
@@ -212,10 +246,8 @@ class Simulation:
         """Stops on non-finite values; says once if a solver did not converge; sees rest by the way of a frame."""
         bad, way = diagnostics.frame_motion(self.model, self._before, self.state)
         diagnostics.check_finite(self.model, bad, self.time, self.integrator.name, self.substeps)
-        if way.max() > REST_SPEED * dt:
-            self._rest_since = None
-        elif self._rest_since is None:
-            self._rest_since = self.time
+        since = np.minimum(self._rest_since, self.time)
+        self._rest_since = np.where(way > REST_SPEED * dt, np.inf, since)
         self._watch_guard()
         if self.integrator.implicit and not self._warned and self.integrator.metrics().get("unconverged_steps", 0):
             self._warned = True

@@ -1,12 +1,29 @@
 """What every integrator provides."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import warp as wp
 
 from ..forces import Forces
 from ..model import Model
 from ..state import State
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """An array that a scheme keeps from one step to the next.
+
+    Attributes:
+        array: the array, on the device.
+        particle: of each row, a particle of the world that it belongs to, int; None if it belongs to all worlds.
+    """
+
+    array: wp.array
+    particle: np.ndarray | None
 
 
 class Integrator(Protocol):
@@ -55,6 +72,13 @@ class Integrator(Protocol):
     def reset(self) -> None:
         """Forgets earlier steps (multistep history, warm starts): the next step starts from its state alone."""
         return None  # a body, for type checkers take a protocol's method without one as abstract
+
+    def memory(self) -> Sequence[Memory]:
+        """All that the next step depends on besides its state: what :meth:`reset` forgets, if it is in arrays.
+
+        Whoever puts the state back to an earlier one, or takes a world to another model, does so with these, too.
+        """
+        return ()
 
     def metrics(self) -> dict[str, Any]:
         """What the latest steps cost and whether their solvers converged; empty for schemes that solve nothing."""

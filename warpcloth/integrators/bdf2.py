@@ -1,10 +1,14 @@
 """The second backward differentiation formula: an implicit stage that starts from the last two states."""
 
+from collections.abc import Sequence
+
+import numpy as np
 import warp as wp
 
 from ..forces import Forces
 from ..model import Model
 from ..state import State
+from .base import Memory
 from .implicit import ImplicitScheme, Stage
 
 
@@ -52,6 +56,12 @@ class Bdf2(ImplicitScheme):
     def reset(self) -> None:
         """Forgets the state before: the next step starts afresh."""
         self._past_dt.zero_()
+
+    def memory(self) -> Sequence[Memory]:
+        """The two states before and the step between them."""
+        own = np.arange(len(self._past.particle_q))
+        states = [array for state in (self._past, self._end) for array in (state.particle_q, state.particle_qd)]
+        return [*(Memory(array, own) for array in states), Memory(self._past_dt, None)]
 
     def _recall(self, model: Model, state: State, dt: float) -> None:
         wp.launch(

@@ -2,6 +2,7 @@
 
 import math
 from abc import abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 import warp as wp
@@ -11,7 +12,7 @@ from ..forces import Forces
 from ..kinematics import drive_pins
 from ..model import Model
 from ..state import State
-from .base import Integrator
+from .base import Integrator, Memory
 
 MAX_ITERATIONS = 100_000
 STANDARD_GRAVITY = 9.80665  # [m/s²]
@@ -77,6 +78,10 @@ class PositionStep(Integrator):
     def reset(self) -> None:
         """Forgets the spring forces of the previous step."""
         self.spring_acceleration.zero_()
+
+    def memory(self) -> Sequence[Memory]:
+        """What springs did in the previous step."""
+        return [Memory(self.spring_acceleration, np.arange(len(self.spring_acceleration)))]
 
     @abstractmethod
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:

@@ -1,11 +1,14 @@
 """Extended position-based dynamics: springs as compliant constraints, solved colour by colour."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import warp as wp
 
 from ..forces import Forces
 from ..model import Model
 from ..state import State
+from .base import Memory
 from .colouring import SpringColours
 from .position_step import PositionStep
 
@@ -49,6 +52,11 @@ class Xpbd(PositionStep):
         super().reset()
         for force in self.force:
             force.zero_()
+
+    def memory(self) -> Sequence[Memory]:
+        """The spring forces of the previous step, besides what they did."""
+        ends = [colour.numpy()[:, 0] for colour in self.colours.ends]
+        return [*super().memory(), *map(Memory, self.force, ends)]
 
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations

@@ -1,0 +1,80 @@
+"""Worlds of one model are each what they would be alone: measured by themselves, taken to another model, run again."""
+
+import numpy as np
+import pytest
+from integrator_problems import NAMES
+
+import warpcloth as wc
+from warpcloth import diagnostics
+from warpcloth.contact.pair_list import PairList
+from warpcloth.integrators import INTEGRATORS
+
+INDEPENDENT = [name for name in NAMES if not INTEGRATORS[name].couples_worlds]
+TABLE = wc.Box((0.0, 0.0, -0.05), (0.1, 0.1, 0.1))
+
+
+def cloth(height: float, n: int = 5) -> wc.Cloth:
+    fabric = wc.Fabric(stretch_stiffness=20.0, shear_stiffness=5.0, bend_stiffness=0.5, damping_time=1e-3)
+    pins = [wc.pin("top_left", motion=wc.Motion.keyframes([(0, (0, 0, 0)), (1, (0.1, 0, 0.1))]))]
+    return wc.Cloth.grid((0.3, 0.3), (n, n), fabric, pins=pins, transform=(0.0, 0.0, height))
+
+
+WORLDS = [([cloth(0.02)], [TABLE]), ([cloth(0.05, 7)], []), ([cloth(0.03, 6)], [TABLE])]
+
+
+def simulation(worlds, name="xpbd", **options) -> wc.Simulation:
+    return wc.Simulation(wc.Model.build_worlds(worlds), name, substeps=20, **options)
+
+
+def phase(sim: wc.Simulation) -> np.ndarray:
+    return np.hstack([sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()])
+
+
+@pytest.mark.parametrize("name", INDEPENDENT)
+def test_worlds_go_on_in_another_model(name):
+    """Also where the scheme remembers earlier steps, contact acts and pins move with the world's own clock."""
+    kept = [0, 2]
+    whole = simulation(WORLDS, name, contact="all")
+    whole.run(4)
+    rest = simulation([WORLDS[w] for w in kept], name, contact="all")
+    rest.continue_from(whole, kept)
+    whole.run(3)
+    rest.run(3)
+    world = whole.model.particle_world.numpy()
+    np.testing.assert_array_equal(phase(rest), phase(whole)[np.isin(world, kept)])
+    assert rest.time == whole.time
+    np.testing.assert_array_equal(rest.settled_worlds(), whole.settled_worlds()[kept])
+
+
+@pytest.mark.parametrize("name", ["xpbd", "bdf2", "symplectic_euler"])
+def test_a_frame_done_again_for_want_of_memory_is_the_same(name, monkeypatch):
+    roomy = simulation(WORLDS, name, contact="all")
+    roomy.run(4)
+    usual = PairList.__init__
+    monkeypatch.setattr(PairList, "__init__", lambda self, model, capacity: usual(self, model, 1))
+    tight = simulation(WORLDS, name, contact="all")
+    tight.run(4)
+    np.testing.assert_array_equal(phase(tight), phase(roomy))
+
+
+def test_each_world_is_measured_by_itself():
+    together = simulation(WORLDS)
+    together.run(3)
+    rows = diagnostics.measure_worlds(together.model, together.state, together.time)
+    for world, row in zip(WORLDS, rows, strict=True):
+        alone = simulation([world])
+        alone.run(3)
+        assert row == diagnostics.measure(alone.model, alone.state, alone.time)
+    whole = diagnostics.measure(together.model, together.state, together.time)
+    assert whole["max_strain"] == max(row["max_strain"] for row in rows) > 0.0
+
+
+def test_worlds_come_to_rest_one_by_one():
+    fabric = wc.Fabric(damping_time=1e-2)
+    low, high = (wc.Cloth.grid((0.1, 0.1), (3, 3), fabric, transform=(0, 0, z)) for z in (0.0021, 0.6))
+    sim = simulation([([low], [wc.Plane()]), ([high], [wc.Plane()])])
+    sim.run(18)
+    assert sim.settled_worlds().tolist() == [True, False]
+    assert not sim.settled
+    sim.run(60)
+    assert sim.settled
