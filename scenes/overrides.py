@@ -65,6 +65,8 @@ def _step(parent: Any, key: str, path: list[str]) -> Any:
         return parent[_index(parent, key, path)]
     if not isinstance(parent, dict):
         raise SceneError(f"{shorten('.'.join(path[:-1]))!r} is a single value and has no {key[:80]!r} in it")
+    if key == "fabric" and isinstance(parent.get(key), str):  # given by its name alone, which the table begins with
+        parent[key] = {"name": parent[key]}
     return parent.setdefault(key, {})
 
 

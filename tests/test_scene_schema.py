@@ -117,7 +117,7 @@ def test_values_reach_the_simulator():
         position = [1.0, 2.0, 3.0]
         rotation = [90.0, 0.0, 0.0]
         velocity = [0, 0, -2]
-        fabric = { areal_density = 0.5 }
+        fabric = { areal_density = 0.5, shear_stiffness = 0 }
         pins = [{ edge = "left", motion.keys = [{ time = 0 }, { time = 2, rotation = [0, 0, 180] }] }]
 
         [[obstacle]]

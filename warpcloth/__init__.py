@@ -9,6 +9,7 @@ from . import errors
 from .cloth import Cloth, pin, pin_box, pin_nearest
 from .errors import WarpclothError
 from .fabric import Fabric
+from .fabric_library import fabrics, library_fabric
 from .integrators import integrators
 from .model import Model
 from .motion import Motion
@@ -22,7 +23,8 @@ _SCENE_LAYER = ("load_scene", "simulate")
 
 __all__ = [
     "Box", "Capsule", "Cloth", "Fabric", "MeshObstacle", "Model", "Motion", "Plane", "Simulation", "Sphere", "State",
-    "WarpclothError", "errors", "integrators", "load_scene", "pin", "pin_box", "pin_nearest", "simulate",
+    "WarpclothError", "errors", "fabrics", "integrators", "library_fabric", "load_scene", "pin", "pin_box",
+    "pin_nearest", "simulate",
 ]  # fmt: skip
 
 

@@ -66,5 +66,9 @@ class ConvergenceWarning(UserWarning):
     """The solver of an implicit step gave up before it met its tolerance; the message says what helps."""
 
 
+class FabricWarning(UserWarning):
+    """The mesh cannot have all properties of the fabric; the message says which and what it has instead."""
+
+
 class BadStartError(SimulationError):
     """The initial state is not one that can be simulated, e.g. cloth that starts inside an obstacle."""

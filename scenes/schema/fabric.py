@@ -1,40 +1,110 @@
 """What the cloth of a scene is made of."""
 
-from typing import Annotated
+import difflib
+from typing import Annotated, Any, Self
 
-from warpcloth.fabric import Fabric
+from pydantic import model_validator
+
+from warpcloth.errors import InputError
+from warpcloth.fabric import Fabric, rigidity_of_length
+from warpcloth.fabric_library import fabrics, library_fabric
 
 from .table import Table, field
-from .values import Color, Text, at_least_zero, positive
+from .values import Color, Text, at_least_zero, positive, refuse
 
-_DEFAULT = Fabric()
+_PLAIN = Fabric()
 
 
 class FabricTable(Table):
-    """What a cloth is made of: properties of the sheet, which do not depend on the resolution of its mesh."""
+    """What a cloth is made of: properties of the sheet, which do not depend on the resolution of its mesh.
 
-    name: Annotated[str, Text(r"\S(.*\S)?", "a name", 200)] = field(_DEFAULT.name, "Name, for reports.")
-    areal_density: Annotated[float, positive("kg/m²", 1e3)] = field(_DEFAULT.areal_density, "Mass per area.")
-    thickness: Annotated[float, positive("m", 0.1)] = field(
-        _DEFAULT.thickness, "Contact thickness: two layers come to rest this far apart."
+    `fabric = "denim"` takes a fabric of the library (`warpcloth fabrics` lists them), and a table with its name changes
+    some of its properties. A table without such a name has the defaults below.
+    """
+
+    name: Annotated[str, Text(r"\S(.*\S)?", "a name", 200)] = field(
+        _PLAIN.name, "Name of a fabric of the library, or one of your own, for reports."
     )
-    stretch_stiffness: Annotated[float, positive("N/m", 1e7)] = field(
-        _DEFAULT.stretch_stiffness, "Young's modulus of the sheet, force per width and strain."
+    areal_density: Annotated[float, positive("kg/m²", 1e3)] | None = field(None, "Mass per area.")
+    thickness: Annotated[float, positive("m", 0.1)] | None = field(
+        None, "Contact thickness: two layers come to rest this far apart."
     )
-    shear_stiffness: Annotated[float, at_least_zero("N/m", 1e7)] = field(
-        _DEFAULT.shear_stiffness, "Shear modulus of the sheet. Grids only: on other meshes the edges fix it."
+    stretch_stiffness: Annotated[float, positive("N/m", 1e7)] | None = field(
+        None, "Young's modulus of the sheet along the warp (x of a grid, u of a mesh), force per width and strain."
     )
-    bend_stiffness: Annotated[float, at_least_zero("N/m", 1e7)] = field(
-        _DEFAULT.bend_stiffness, "Stiffness per width of the springs that join every other vertex."
+    stretch_stiffness_weft: Annotated[float, positive("N/m", 1e7)] | None = field(
+        None, "The same along the weft; by default that of the warp."
     )
-    damping_time: Annotated[float, at_least_zero("s", 10.0)] = field(
-        _DEFAULT.damping_time, "Damping of each spring over its stiffness; strain dies out faster the larger it is."
+    shear_stiffness: Annotated[float, at_least_zero("N/m", 1e7)] | None = field(
+        None, "Shear modulus of the sheet, at most its stretch stiffness. Grids only: on other meshes the edges fix it."
     )
-    friction: Annotated[float, at_least_zero("", 10.0)] = field(
-        _DEFAULT.friction, "Coulomb coefficient; a pair has the geometric mean of its two."
+    bending_rigidity: Annotated[float, at_least_zero("N m", 10.0)] | None = field(
+        None, "Moment per width and curvature for bending along the warp."
     )
-    color: Color = field(_DEFAULT.color, "Display colour, linear RGB.")
+    bending_rigidity_weft: Annotated[float, at_least_zero("N m", 10.0)] | None = field(
+        None, "The same along the weft; by default that of the warp."
+    )
+    bending_length: Annotated[float, at_least_zero("m", 1.0)] | None = field(
+        None, "Another way to give the bending rigidity: (rigidity/weight per area)^(1/3), as ASTM D1388 measures it."
+    )
+    bending_hysteresis: Annotated[float, at_least_zero("N", 10.0)] | None = field(
+        None, "Moment per width by which bending lags behind (2HB of the KES test)."
+    )
+    bend_stiffness: Annotated[float, at_least_zero("N/m", 1e7)] | None = field(
+        None, "Stiffness per width of springs that join every other vertex: the tutorials' bending, not a fabric's."
+    )
+    damping_time: Annotated[float, at_least_zero("s", 10.0)] | None = field(
+        None, "Damping of each spring over its stiffness; strain dies out faster the larger it is."
+    )
+    friction: Annotated[float, at_least_zero("", 10.0)] | None = field(
+        None, "Coulomb coefficient; a pair has the geometric mean of its two."
+    )
+    air_drag: Annotated[float, at_least_zero("", 100.0)] | None = field(
+        None, "Coefficient of the air's force across the sheet."
+    )
+    air_friction: Annotated[float, at_least_zero("", 100.0)] | None = field(
+        None, "Coefficient of the air's force along the sheet."
+    )
+    strain_limit: Annotated[float, at_least_zero("", 10.0)] | None = field(
+        None, "Strain beyond which the sheet stiffens; by default it never does."
+    )
+    limit_stiffness: Annotated[float, at_least_zero("N/m", 1e7)] | None = field(
+        None, "By how much the stretch stiffness along the warp is greater beyond the limit."
+    )
+    color: Color | None = field(None, "Display colour, linear RGB.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_name(cls, data: Any) -> Any:
+        """A fabric of the library by its name alone."""
+        if not isinstance(data, str):
+            return data
+        if data not in fabrics():
+            raise refuse(f"must be a table or the name of a fabric (`warpcloth fabrics`){_suggestion(data)}")
+        return {"name": data}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.bending_length is not None and self.bending_rigidity is not None:
+            raise refuse("must have a bending_length or a bending_rigidity, not both")
+        try:
+            self.build()
+        except InputError as error:
+            raise refuse(f"must be that of a fabric: {error}".rstrip(".")) from None
+        return self
 
     def build(self) -> Fabric:
         """The simulator's fabric."""
-        return Fabric(**dict(self))
+        given: dict[str, Any] = {name: value for name, value in self if value is not None}
+        length = given.pop("bending_length", None)
+        entry = fabrics().get(self.name)
+        density = given.get("areal_density", (_PLAIN if entry is None else entry.fabric).areal_density)
+        if length is not None:
+            given["bending_rigidity"] = rigidity_of_length(length, density)
+            given.setdefault("bending_rigidity_weft", None)
+        return Fabric(**given) if entry is None else library_fabric(given.pop("name"), **given)
+
+
+def _suggestion(name: str) -> str:
+    close = difflib.get_close_matches(name, list(fabrics()), n=1, cutoff=0.5)
+    return f"; did you mean '{close[0]}'?" if close else f": {', '.join(fabrics())}"

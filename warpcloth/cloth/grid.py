@@ -1,9 +1,11 @@
 """Rectangular cloth: a grid of vertices in the local xy plane, row by row, x fastest."""
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import FabricWarning
 from ..fabric import Fabric
 from .springs import BEND, SHEAR, STRUCTURAL, SpringNetwork
 
@@ -70,21 +72,26 @@ class GridShape:
         return edges | corners
 
     def springs(self, points: np.ndarray, fabric: Fabric) -> SpringNetwork:
-        """Structural, shear and bend springs for a fabric; at rest at ``points``.
+        """Structural, shear and bend springs for a fabric with its warp along x; at rest at ``points``.
 
         Per area, springs along x add k_x/dy to the tensor component C_xx of the sheet, the two diagonals of length d
-        add k_d 2 dx dy/d³ to C_xyxy, and so on. Asking for Young's modulus Y along x and y and shear modulus G gives
-        k_d = G d³/(2 dx dy), k_x = dy (C − G dx²/dy²), k_y = dx (C − G dy²/dx²) with C = (Y + √(Y² + 4 G²))/2; for
-        square cells k_x = a (C − G) and k_d = √2 a G. Springs on the border own half a cell and have half of it.
-        Where cells are so long that k_x or k_y would vanish, G is lowered and Y kept.
+        add k_d 2 dx dy/d³ to C_xyxy, and so on. Asking for Young's moduli Y_x and Y_y and shear modulus G gives
+        k_d = G d³/(2 dx dy), k_x = dy (C_xx − G dx²/dy²), k_y = dx (C_yy − G dy²/dx²), the C of :func:`sheet_tensor`;
+        for square cells k_x = a (C_xx − G) and k_d = √2 a G. Springs on the border own half a cell and have half of it.
+
+        Warns:
+            FabricWarning: cells are so long that k_x or k_y would vanish; G is lowered and Y kept.
         """
         dx, dy = self.cell
-        stretch, shear = sheet_moduli(fabric, max(dx / dy, dy / dx))
+        shear = min(fabric.shear_stiffness, self.largest_shear(fabric))
+        if shear < fabric.shear_stiffness:
+            _warn_of_long_cells(fabric, shear, max(dx / dy, dy / dx))
+        c_x, c_y = sheet_tensor(fabric.stretch, shear)
         index, width_x, width_y = self.index, _owned(self.ny, dy)[:, None], _owned(self.nx, dx)[None, :]
         diagonal = np.hypot(dx, dy) ** 3 / (2.0 * dx * dy)
         families = [
-            (index[:, :-1], index[:, 1:], (stretch - shear * (dx / dy) ** 2) * width_x, STRUCTURAL),
-            (index[:-1], index[1:], (stretch - shear * (dy / dx) ** 2) * width_y, STRUCTURAL),
+            (index[:, :-1], index[:, 1:], (c_x - shear * (dx / dy) ** 2) * width_x, STRUCTURAL),
+            (index[:-1], index[1:], (c_y - shear * (dy / dx) ** 2) * width_y, STRUCTURAL),
             (index[:-1, :-1], index[1:, 1:], shear * diagonal, SHEAR),
             (index[:-1, 1:], index[1:, :-1], shear * diagonal, SHEAR),
             (index[:, :-2], index[:, 2:], fabric.bend_stiffness * width_x, BEND),
@@ -98,17 +105,38 @@ class GridShape:
                 parts.append(SpringNetwork.from_pairs(pairs, points, k_s, kind, fabric.damping_time))
         return SpringNetwork.joined(parts)
 
+    def largest_shear(self, fabric: Fabric) -> float:
+        """Largest shear modulus G [N/m] that springs of these cells can give a fabric of these stretch moduli.
 
-def sheet_moduli(fabric: Fabric, aspect: float) -> tuple[float, float]:
-    """Tensor components (C_xx, G) [N/m] that a grid with cells ``aspect`` >= 1 times as long as wide can have.
+        Structural springs must keep at least the share f = (1 − aspect⁻⁴)/10 of C_xx and C_yy. With q = r²/((1 − f) Y),
+        r the aspect along Y, that is G (q² − 1/(Y_x Y_y)) <= q.
+        """
+        dx, dy = self.cell
+        keep = 1.0 - 0.1 * (1.0 - min(dx / dy, dy / dx) ** 4)
+        product, bounds = fabric.stretch[0] * fabric.stretch[1], [np.inf]
+        for young, aspect in zip(fabric.stretch, (dx / dy, dy / dx), strict=True):
+            q = aspect * aspect / (keep * young)
+            if q * q > (1.0 + 1e-12) / product:
+                bounds.append(q / (q * q - 1.0 / product))
+        return float(min(bounds))
 
-    Long springs keep at least the share f = (1 − aspect⁻⁴)/10 of C_xx, which bounds G by (1 − f) C_xx/aspect².
+
+def sheet_tensor(stretch: tuple[float, float], shear: float) -> tuple[float, float]:
+    """Components C_xx, C_yy [N/m] of a sheet with Young's moduli ``stretch`` [N/m], C_xxyy = C_xyxy = ``shear``.
+
+    Central forces have C_xxyy = C_xyxy (Cauchy's relation), so Y_x = C_xx − G²/C_yy and Y_y = C_yy − G²/C_xx.
     """
-    young, shear = fabric.stretch_stiffness, fabric.shear_stiffness
-    share = (1.0 - 0.1 * (1.0 - aspect**-4)) / aspect**2
-    if share < 1.0:
-        shear = min(shear, share * young / (1.0 - share**2))
-    return 0.5 * (young + np.hypot(young, 2.0 * shear)), shear
+    share = 0.5 + 0.5 * np.sqrt(1.0 + 4.0 * shear * shear / (stretch[0] * stretch[1]))
+    return stretch[0] * share, stretch[1] * share
+
+
+def _warn_of_long_cells(fabric: Fabric, shear: float, aspect: float) -> None:
+    warnings.warn(
+        f"Fabric '{fabric.name}' has a shear stiffness of {fabric.shear_stiffness:g} N/m, but springs on cells "
+        f"{aspect:.2g} times as long as wide can only give it {shear:.3g}; use nearly square cells.",
+        FabricWarning,
+        stacklevel=4,
+    )
 
 
 def _owned(count: int, spacing: float) -> np.ndarray:
