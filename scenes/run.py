@@ -3,15 +3,14 @@
 import statistics
 import time
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import warp as wp
 
-from warpcloth.model import Model
 from warpcloth.simulation import Simulation
 
+from .built import BuiltScene, by_cloth, make_model, make_simulation
 from .interrupt import stop_on_interrupt
 from .load import load_scene
 from .result import SimulationResult
@@ -71,15 +70,16 @@ class _Run:
     def __init__(self, scene: Scene, output: Path):
         self.begun = time.perf_counter()
         self.scene, self.output = scene, output
-        self.cloths, self.obstacles = scene.build()
-        self.network = scene.build_network()
+        self.built_scene = BuiltScene.of(scene)
         self.built = time.perf_counter()
         self.frame_times: list[float] = []
 
     def result(self, on_frame: OnFrame | None) -> SimulationResult:
         """Simulate, write, and say how it went."""
-        with stop_on_interrupt() as stop, self._writer() as writer:
-            simulation = self._simulation()
+        with stop_on_interrupt() as stop, self.built_scene.writer(self.output) as writer:
+            self.model = make_model([self.built_scene])
+            simulation = make_simulation([self.built_scene], self.model)
+            self.ready = time.perf_counter()
             self._write(writer, 0, simulation)
             for number in range(1, self.scene.frames + 1):
                 self._step(simulation)
@@ -93,44 +93,6 @@ class _Run:
                     break
         return self._figures(simulation)
 
-    def _writer(self) -> CacheWriter:
-        shown = self.cloths if self.network is None else [self.network]
-        return CacheWriter(self.output, shown, self.obstacles, self.scene.fps, self._provenance())
-
-    def _provenance(self) -> dict[str, Any]:
-        options = self.scene.simulation
-        return {
-            "version": version("warpcloth"),
-            "scene": self.scene.name,
-            "integrator": options.integrator,
-            "integrator_options": options.integrator_options,
-            "substeps": str(options.substeps),
-            "precision": options.precision,
-            "device": options.device,
-            "seed": self.scene.seed,
-        }
-
-    def _simulation(self) -> Simulation:
-        options = self.scene.simulation
-        self.model = self._model(None if options.device == "auto" else options.device, options.precision)
-        simulation = Simulation(
-            self.model,
-            integrator=options.integrator,
-            integrator_options=options.integrator_options,
-            gravity=options.gravity,
-            substeps=options.substeps,
-            contact=options.contact,
-        )
-        self.ready = time.perf_counter()
-        return simulation
-
-    def _model(self, device: str | None, precision: str) -> Model:
-        net = self.network
-        if net is None:
-            return Model.build(self.cloths, self.obstacles, device=device, precision=precision)
-        laws = (net.springs, net.rest_lengths, net.k_s, net.k_d)
-        return Model.from_springs(net.points, net.masses, *laws, net.pinned, device=device, precision=precision)
-
     def _step(self, simulation: Simulation) -> None:
         begun = time.perf_counter()
         simulation.step(1.0 / self.scene.fps)
@@ -138,15 +100,10 @@ class _Run:
         self.frame_times.append(time.perf_counter() - begun)
 
     def _write(self, writer: CacheWriter, frame: int, simulation: Simulation) -> None:
-        points, velocities = simulation.state.particle_q.numpy(), simulation.state.particle_qd.numpy()
-        ranges = {cloth.name: slice(cloth.start, cloth.stop) for cloth in self.model.cloths}
-        if self.network is not None:
-            ranges = {self.network.name: slice(None)}
-        writer.write(
-            frame,
-            {name: points[part] for name, part in ranges.items()},
-            {name: velocities[part] for name, part in ranges.items()},
-        )
+        state = simulation.state
+        arrays = (state.particle_q.numpy(), state.particle_qd.numpy())
+        points, velocities = (by_cloth([self.built_scene], self.model, values)[0] for values in arrays)
+        writer.write(frame, points, velocities)
 
     def _figures(self, simulation: Simulation) -> SimulationResult:
         model, measured = self.model, simulation.metrics()

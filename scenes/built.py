@@ -1,0 +1,95 @@
+"""Scenes as the simulator sees them: one model of one or several scenes, and what of it belongs to which."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpcloth.cloth import Cloth
+from warpcloth.model import Model
+from warpcloth.simulation import Simulation
+
+from .schema import Network, Scene
+from .usd import CacheWriter
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltScene:
+    """A scene with its cloths and obstacles, or its network, as the simulator takes them."""
+
+    scene: Scene
+    cloths: list[Cloth]
+    obstacles: list[Any]
+    network: Network | None
+
+    @staticmethod
+    def of(scene: Scene) -> "BuiltScene":
+        """Builds all that the scene describes.
+
+        Raises:
+            InputError: a mesh that cannot be read, a pin that finds no vertex, …
+        """
+        cloths, obstacles = scene.build()
+        return BuiltScene(scene, cloths, obstacles, scene.build_network())
+
+    def writer(self, output: Path) -> CacheWriter:
+        """A cache for this scene."""
+        shown = self.cloths if self.network is None else [self.network]
+        return CacheWriter(output, shown, self.obstacles, self.scene.fps, provenance(self.scene))
+
+
+def provenance(scene: Scene) -> dict[str, Any]:
+    """Facts about a scene that its cache keeps."""
+    options = scene.simulation
+    return {
+        "version": version("warpcloth"),
+        "scene": scene.name,
+        "integrator": options.integrator,
+        "integrator_options": options.integrator_options,
+        "substeps": str(options.substeps),
+        "precision": options.precision,
+        "device": options.device,
+        "seed": scene.seed,
+    }
+
+
+def make_model(scenes: Sequence[BuiltScene]) -> Model:
+    """A world for each scene; they have the same device and precision. A network has a model for itself."""
+    options = scenes[0].scene.simulation
+    placed: dict[str, Any] = {"device": None if options.device == "auto" else options.device, "precision": options.precision}
+    net = scenes[0].network
+    if net is None:
+        return Model.build_worlds([(built.cloths, built.obstacles) for built in scenes], **placed)
+    laws = (net.springs, net.rest_lengths, net.k_s, net.k_d)
+    return Model.from_springs(net.points, net.masses, *laws, net.pinned, **placed)
+
+
+def make_simulation(scenes: Sequence[BuiltScene], model: Model) -> Simulation:
+    """The simulation of :func:`make_model`'s model; but for gravity the scenes have the same options.
+
+    Raises:
+        InputError: an option that the integrator does not take.
+        BadStartError: cloth starts inside an obstacle, or intersecting.
+    """
+    options = scenes[0].scene.simulation
+    return Simulation(
+        model,
+        integrator=options.integrator,
+        integrator_options=options.integrator_options,
+        gravity=[built.scene.simulation.gravity for built in scenes],
+        substeps=options.substeps,
+        contact=options.contact,
+    )
+
+
+def by_cloth(scenes: Sequence[BuiltScene], model: Model, values: np.ndarray) -> list[dict[str, np.ndarray]]:
+    """For each scene the rows of ``values``, one per particle of the model, that belong to each of its cloths."""
+    if scenes[0].network is not None:
+        return [{scenes[0].network.name: values}]
+    rows: list[dict[str, np.ndarray]] = [{} for _ in scenes]
+    for cloth in model.cloths:
+        rows[cloth.world][cloth.name] = values[cloth.start : cloth.stop]
+    return rows
