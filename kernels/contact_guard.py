@@ -38,6 +38,7 @@ def limit_motion(
     particle_inv_mass: wp.array(dtype=real),
     pairs: Pairs,
     separation: wp.float64,
+    stride: int,
     # State in
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
@@ -52,34 +53,32 @@ def limit_motion(
     Counts the particles that had to be held back further than before, and pairs that are pinched: they meet though
     none of them can be held back any more, as what moves is prescribed.
     """
-    k = wp.tid()
-    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
-        return
-    i = pairs.particles[k]
-    x0 = wide(particle_from[i[0]])
-    x1 = wide(particle_from[i[1]])
-    x2 = wide(particle_from[i[2]])
-    x3 = wide(particle_from[i[3]])
-    u0 = fraction[i[0]] * (wide(particle_to[i[0]]) - x0)
-    u1 = fraction[i[1]] * (wide(particle_to[i[1]]) - x1)
-    u2 = fraction[i[2]] * (wide(particle_to[i[2]]) - x2)
-    u3 = fraction[i[3]] * (wide(particle_to[i[3]]) - x3)
-    t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
-    if not t < wp.float64(1.0):
-        return
-    held = int(0)
-    for m in range(4):
-        f = fraction[i[m]]
-        if particle_inv_mass[i[m]] > real(0.0) and f > wp.float64(0.0):
-            g = wp.float64(0.9) * t * f
-            if g < wp.float64(0.02):
-                g = wp.float64(0.0)
-            wp.atomic_min(fraction_out, i[m], g)
-            held += 1
-    if held > 0:
-        wp.atomic_add(held_back_out, 0, held)
-    else:
-        wp.atomic_add(counts_out, 1, 1)
+    for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
+        i = pairs.particles[k]
+        x0 = wide(particle_from[i[0]])
+        x1 = wide(particle_from[i[1]])
+        x2 = wide(particle_from[i[2]])
+        x3 = wide(particle_from[i[3]])
+        u0 = fraction[i[0]] * (wide(particle_to[i[0]]) - x0)
+        u1 = fraction[i[1]] * (wide(particle_to[i[1]]) - x1)
+        u2 = fraction[i[2]] * (wide(particle_to[i[2]]) - x2)
+        u3 = fraction[i[3]] * (wide(particle_to[i[3]]) - x3)
+        t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
+        if not t < wp.float64(1.0):
+            continue
+        held = int(0)
+        for m in range(4):
+            f = fraction[i[m]]
+            if particle_inv_mass[i[m]] > real(0.0) and f > wp.float64(0.0):
+                g = wp.float64(0.9) * t * f
+                if g < wp.float64(0.02):
+                    g = wp.float64(0.0)
+                wp.atomic_min(fraction_out, i[m], g)
+                held += 1
+        if held > 0:
+            wp.atomic_add(held_back_out, 0, held)
+        else:
+            wp.atomic_add(counts_out, 1, 1)
 
 
 @wp.kernel

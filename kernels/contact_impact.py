@@ -23,6 +23,7 @@ def find_impacts(
     pairs: Pairs,
     separation: wp.float64,
     clearance: wp.float64,
+    stride: int,
     # State in
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
@@ -35,43 +36,41 @@ def find_impacts(
 ):
     """Pairs that meet: weights and normal there, and how far their ends must part [m] to end ``clearance`` of the
     contact distance apart; and Σ |weight| per particle. Counts them."""
-    k = wp.tid()
-    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
-        return
-    i = pairs.particles[k]
-    zero = wp.float64(0.0)
-    x0 = wide(particle_from[i[0]])
-    x1 = wide(particle_from[i[1]])
-    x2 = wide(particle_from[i[2]])
-    x3 = wide(particle_from[i[3]])
-    u0 = wide(particle_to[i[0]]) - x0
-    u1 = wide(particle_to[i[1]]) - x1
-    u2 = wide(particle_to[i[2]]) - x2
-    u3 = wide(particle_to[i[3]]) - x3
-    depth_out[k] = zero
-    t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
-    if not t < wp.float64(1.0):
-        return
-    x0 += t * u0
-    x1 += t * u1
-    x2 += t * u2
-    x3 += t * u3
-    w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
-    mobility = zero
-    for m in range(4):
-        mobility += wp.abs(w[m]) * wp.float64(particle_inv_mass[i[m]])
-    if mobility <= zero:
-        return
-    d = combine(w, x0, x1, x2, x3)
-    n = wp.normalize(d)
-    reach = clearance * pairs.distance[k]
-    gap = wp.dot(d + (wp.float64(1.0) - t) * combine(w, u0, u1, u2, u3), n)
-    wp.atomic_add(impacts_out, 0, 1)
-    if gap < reach:
-        depth_out[k] = reach - gap
-        weights_out[k] = w
-        normal_out[k] = n
-        add_share(share_out, i, w)
+    for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
+        i = pairs.particles[k]
+        zero = wp.float64(0.0)
+        x0 = wide(particle_from[i[0]])
+        x1 = wide(particle_from[i[1]])
+        x2 = wide(particle_from[i[2]])
+        x3 = wide(particle_from[i[3]])
+        u0 = wide(particle_to[i[0]]) - x0
+        u1 = wide(particle_to[i[1]]) - x1
+        u2 = wide(particle_to[i[2]]) - x2
+        u3 = wide(particle_to[i[3]]) - x3
+        depth_out[k] = zero
+        t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
+        if not t < wp.float64(1.0):
+            continue
+        x0 += t * u0
+        x1 += t * u1
+        x2 += t * u2
+        x3 += t * u3
+        w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
+        mobility = zero
+        for m in range(4):
+            mobility += wp.abs(w[m]) * wp.float64(particle_inv_mass[i[m]])
+        if mobility <= zero:
+            continue
+        d = combine(w, x0, x1, x2, x3)
+        n = wp.normalize(d)
+        reach = clearance * pairs.distance[k]
+        gap = wp.dot(d + (wp.float64(1.0) - t) * combine(w, u0, u1, u2, u3), n)
+        wp.atomic_add(impacts_out, 0, 1)
+        if gap < reach:
+            depth_out[k] = reach - gap
+            weights_out[k] = w
+            normal_out[k] = n
+            add_share(share_out, i, w)
 
 
 @wp.kernel
@@ -80,6 +79,7 @@ def bounce(
     particle_inv_mass: wp.array(dtype=real),
     particle_friction: wp.array(dtype=real),
     pairs: Pairs,
+    stride: int,
     # State in
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
@@ -98,40 +98,38 @@ def bounce(
 
     All pairs act at once, each by its part; see :func:`contact_response.push_contacts`.
     """
-    k = wp.tid()
-    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
-        return
-    if depth[k] <= wp.float64(0.0) or impacts[0] == 0:
-        return
-    i = pairs.particles[k]
-    w = weights[k]
-    n = normal[k]
-    zero = wp.float64(0.0)
-    one = wp.float64(1.0)
-    effective = zero
-    crowd = zero
-    moved = wp.vec3d()
-    speed = wp.vec3d()
-    for m in range(4):
-        mobility = wp.float64(particle_inv_mass[i[m]])
-        effective += w[m] * w[m] * mobility
-        crowd += wp.abs(w[m]) * mobility * wp.float64(share[i[m]]) / SHARE_UNIT
-        moved += w[m] * (wide(particle_to[i[m]]) - wide(particle_from[i[m]]))
-        if i[m] < cloth_particles:
-            speed += w[m] * wide(particle_qd[i[m]])
-    if effective <= zero:
-        return
-    part = effective / crowd
-    friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
-    slide = moved - wp.dot(moved, n) * n
-    move = depth[k] * n - wp.min(friction * depth[k] / wp.max(wp.length(slide), wp.float64(1.0e-30)), one) * slide
-    approach = wp.max(-wp.dot(speed, n), zero)
-    slip = speed - wp.dot(speed, n) * n
-    kick = approach * n - wp.min(friction * approach / wp.max(wp.length(slip), wp.float64(1.0e-30)), one) * slip
-    for m in range(4):
-        c = part * w[m] * wp.float64(particle_inv_mass[i[m]]) / effective
-        add_fixed(move_out, i[m], c * move, MOVE_UNIT)
-        add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
+    for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
+        if depth[k] <= wp.float64(0.0) or impacts[0] == 0:
+            continue
+        i = pairs.particles[k]
+        w = weights[k]
+        n = normal[k]
+        zero = wp.float64(0.0)
+        one = wp.float64(1.0)
+        effective = zero
+        crowd = zero
+        moved = wp.vec3d()
+        speed = wp.vec3d()
+        for m in range(4):
+            mobility = wp.float64(particle_inv_mass[i[m]])
+            effective += w[m] * w[m] * mobility
+            crowd += wp.abs(w[m]) * mobility * wp.float64(share[i[m]]) / SHARE_UNIT
+            moved += w[m] * (wide(particle_to[i[m]]) - wide(particle_from[i[m]]))
+            if i[m] < cloth_particles:
+                speed += w[m] * wide(particle_qd[i[m]])
+        if effective <= zero:
+            continue
+        part = effective / crowd
+        friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
+        slide = moved - wp.dot(moved, n) * n
+        move = depth[k] * n - wp.min(friction * depth[k] / wp.max(wp.length(slide), wp.float64(1.0e-30)), one) * slide
+        approach = wp.max(-wp.dot(speed, n), zero)
+        slip = speed - wp.dot(speed, n) * n
+        kick = approach * n - wp.min(friction * approach / wp.max(wp.length(slip), wp.float64(1.0e-30)), one) * slip
+        for m in range(4):
+            c = part * w[m] * wp.float64(particle_inv_mass[i[m]]) / effective
+            add_fixed(move_out, i[m], c * move, MOVE_UNIT)
+            add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
 
 
 @wp.kernel

@@ -9,6 +9,7 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights
+from .contact_candidates import TrianglePairs, has, low_corner, padding, triangle
 from .precision import OPTIONS, real, vec3
 from .shapes import Placement, to_world
 
@@ -35,11 +36,6 @@ def wide(x: vec3):
 @wp.func
 def narrow(x: wp.vec3d):
     return vec3(real(x[0]), real(x[1]), real(x[2]))
-
-
-@wp.func
-def low_corner(x: vec3):
-    return wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
 
 
 @wp.kernel
@@ -72,31 +68,39 @@ def foresee(
     particle_out[i] = particle_out[i] + dt * particle_qd[i]
 
 
-@wp.kernel
-def swept_bounds(
-    # Model
-    tri_indices: wp.array2d(dtype=wp.int32),
-    # State in
-    particle_from: wp.array(dtype=vec3),
-    particle_to: wp.array(dtype=vec3),
-    margin: wp.float32,
-    # Out
-    lower_out: wp.array(dtype=wp.vec3),
-    upper_out: wp.array(dtype=wp.vec3),
-):
-    """Box of every triangle on its straight way from one set of positions to another, grown by ``margin`` [m]."""
-    t = wp.tid()
-    low = low_corner(particle_from[tri_indices[t, 0]])
-    high = low
-    for k in range(3):
-        i = tri_indices[t, k]
-        a = low_corner(particle_from[i])
-        b = low_corner(particle_to[i])
-        low = wp.min(low, wp.min(a, b))
-        high = wp.max(high, wp.max(a, b))
-    pad = wp.vec3(margin, margin, margin) + 1.0e-6 * wp.max(wp.abs(low), wp.abs(high))
-    lower_out[t] = low - pad
-    upper_out[t] = high + pad
+@wp.struct
+class Box:
+    """An axis-aligned box [m]."""
+
+    low: wp.vec3
+    high: wp.vec3
+
+
+@wp.func
+def swept_box(i: int, start: wp.array(dtype=vec3), end: wp.array(dtype=vec3)):
+    """Box of a particle's way."""
+    a = low_corner(start[i])
+    b = low_corner(end[i])
+    box = Box()
+    box.low = wp.min(a, b)
+    box.high = wp.max(a, b)
+    return box
+
+
+@wp.func
+def joined(a: Box, b: Box):
+    box = Box()
+    box.low = wp.min(a.low, b.low)
+    box.high = wp.max(a.high, b.high)
+    return box
+
+
+@wp.func
+def apart(a: Box, low: wp.vec3, high: wp.vec3):
+    """Whether the box a does not reach the box from ``low`` to ``high``."""
+    least = wp.max(a.low, low)
+    most = wp.min(a.high, high)
+    return least[0] > most[0] or least[1] > most[1] or least[2] > most[2]
 
 
 @wp.func
@@ -120,15 +124,19 @@ def add_pair(
     u1 = wide(end[i[1]]) - x1
     u2 = wide(end[i[2]]) - x2
     u3 = wide(end[i[3]]) - x3
-    reach = margin + wp.length(combine(w, u0, u1, u2, u3))
-    if together == 0:
-        first = wp.length(u0)
-        second = wp.max(wp.length(u2), wp.length(u3))
-        if kind == 0:
-            second = wp.max(second, wp.length(u1))
-        else:
-            first = wp.max(first, wp.length(u1))
-        reach = margin + first + second
+    if together == 1:
+        mean = wp.float64(0.25) * (u0 + u1 + u2 + u3)
+        u0 -= mean
+        u1 -= mean
+        u2 -= mean
+        u3 -= mean
+    first = wp.length(u0)
+    second = wp.max(wp.length(u2), wp.length(u3))
+    if kind == 0:
+        second = wp.max(second, wp.length(u1))
+    else:
+        first = wp.max(first, wp.length(u1))
+    reach = margin + first + second
     if not length <= reach:  # nor where a diverged particle is not a number
         return
     contact = wp.float64(radius[i[0]]) + wp.float64(radius[i[3]])
@@ -140,8 +148,8 @@ def add_pair(
         r1 = wide(rest[i[1]])
         r2 = wide(rest[i[2]])
         r3 = wide(rest[i[3]])
-        apart = wp.length(combine(pair_weights(kind, r0, r1, r2, r3), r0, r1, r2, r3))
-        contact = wp.min(contact, wp.float64(0.5) * apart)
+        at_rest = wp.length(combine(pair_weights(kind, r0, r1, r2, r3), r0, r1, r2, r3))
+        contact = wp.min(contact, wp.float64(0.5) * at_rest)
     n = wp.atomic_add(pairs.count, 0, 1)
     if n < pairs.kind.shape[0]:
         pairs.kind[n] = kind
@@ -151,13 +159,22 @@ def add_pair(
 
 
 @wp.func
-def has(t: wp.vec3i, i: int):
-    return t[0] == i or t[1] == i or t[2] == i
-
-
-@wp.func
-def triangle(tri_indices: wp.array2d(dtype=wp.int32), t: int):
-    return wp.vec3i(tri_indices[t, 0], tri_indices[t, 1], tri_indices[t, 2])
+def add_points(
+    t: int, corners: wp.vec3i, u: int, other: wp.vec3i, owned: wp.array(dtype=wp.int32), start: wp.array(dtype=vec3),
+    end: wp.array(dtype=vec3), lower: wp.array(dtype=wp.vec3), upper: wp.array(dtype=wp.vec3),
+    rest: wp.array(dtype=vec3), radius: wp.array(dtype=real), body: wp.array(dtype=wp.int32), margin: wp.float64,
+    cloth_particles: int, together: int, pairs: Pairs,
+):  # fmt: skip
+    """Adds pairs of the vertices that triangle t owns and triangle u."""
+    pad = wp.vec3(wp.float32(margin))
+    for k in range(3):
+        if ((owned[t] >> k) & 1) == 0 or has(other, corners[k]):
+            continue
+        if not apart(swept_box(corners[k], start, end), lower[u] - pad, upper[u] + pad):
+            add_pair(
+                0, wp.vec4i(corners[k], other[0], other[1], other[2]), start, end, rest, radius, body, margin,
+                cloth_particles, together, pairs,
+            )  # fmt: skip
 
 
 @wp.kernel
@@ -165,68 +182,62 @@ def find_pairs(
     # Model
     tri_indices: wp.array2d(dtype=wp.int32),
     tri_owned: wp.array(dtype=wp.int32),
-    particle_world: wp.array(dtype=wp.int32),
     particle_body: wp.array(dtype=wp.int32),
     particle_radius: wp.array(dtype=real),
     particle_rest: wp.array(dtype=vec3),
+    stride: int,
     # State in
+    candidates: TrianglePairs,
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
     lower: wp.array(dtype=wp.vec3),
     upper: wp.array(dtype=wp.vec3),
-    bvh: wp.uint64,
     margin: wp.float64,
-    cloth_tris: int,
     cloth_particles: int,
     together: int,
     # Out
     pairs_out: Pairs,
 ):
-    """Every point–triangle and edge–edge pair of two triangles whose boxes overlap, once; not of two obstacles.
+    """Every point–triangle and edge–edge pair of the candidates that can come within ``margin``, once.
 
-    A vertex or edge is looked at by the one triangle that owns it (bits 0–2 and 3–5 of ``tri_owned``).
+    A vertex or edge is looked at by the one triangle that owns it (bits 0–2 and 3–5 of ``tri_owned``). Boxes of the
+    triangles' ways (``lower``, ``upper``) hold at least half the margin.
     """
-    t = wp.tid()
-    mine = triangle(tri_indices, t)
-    owned = tri_owned[t]
-    world = particle_world[mine[0]]
-    query = wp.bvh_query_aabb(bvh, lower[t], upper[t])
-    u = int(0)
-    while wp.bvh_query_next(query, u):
-        if u == t or (t >= cloth_tris and u >= cloth_tris):
+    for n in range(wp.tid(), wp.min(candidates.count[0], candidates.pair.shape[0]), stride):
+        t = candidates.pair[n][0]
+        u = candidates.pair[n][1]
+        low = wp.max(lower[t], lower[u])
+        high = wp.min(upper[t], upper[u])
+        if low[0] > high[0] or low[1] > high[1] or low[2] > high[2]:
             continue
+        mine = triangle(tri_indices, t)
         other = triangle(tri_indices, u)
-        if particle_world[other[0]] != world:
-            continue
+        add_points(
+            t, mine, u, other, tri_owned, particle_from, particle_to, lower, upper, particle_rest, particle_radius,
+            particle_body, margin, cloth_particles, together, pairs_out,
+        )  # fmt: skip
+        add_points(
+            u, other, t, mine, tri_owned, particle_from, particle_to, lower, upper, particle_rest, particle_radius,
+            particle_body, margin, cloth_particles, together, pairs_out,
+        )  # fmt: skip
+        pad = wp.vec3(wp.float32(margin))
         for k in range(3):
-            if ((owned >> k) & 1) == 1 and not has(other, mine[k]):
-                add_pair(
-                    0, wp.vec4i(mine[k], other[0], other[1], other[2]), particle_from, particle_to, particle_rest,
-                    particle_radius, particle_body, margin, cloth_particles, together, pairs_out,
-                )  # fmt: skip
-        if u < t:
-            continue
-        theirs = tri_owned[u]
-        for k in range(3):
-            if ((owned >> (k + 3)) & 1) == 1:
-                a = mine[k]
-                b = mine[(k + 1) % 3]
-                for m in range(3):
-                    c = other[m]
-                    d = other[(m + 1) % 3]
-                    if ((theirs >> (m + 3)) & 1) == 1 and a != c and a != d and b != c and b != d:
+            if ((tri_owned[t] >> (k + 3)) & 1) == 0:
+                continue
+            a = mine[k]
+            b = mine[(k + 1) % 3]
+            edge = joined(swept_box(a, particle_from, particle_to), swept_box(b, particle_from, particle_to))
+            if apart(edge, lower[u] - pad, upper[u] + pad):
+                continue
+            low = edge.low - padding(wp.float32(margin), edge.low, edge.high)
+            high = edge.high + padding(wp.float32(margin), edge.low, edge.high)
+            for m in range(3):
+                c = other[m]
+                d = other[(m + 1) % 3]
+                if ((tri_owned[u] >> (m + 3)) & 1) == 1 and a != c and a != d and b != c and b != d:
+                    facing = joined(swept_box(c, particle_from, particle_to), swept_box(d, particle_from, particle_to))
+                    if not apart(facing, low, high):
                         add_pair(
                             1, wp.vec4i(a, b, c, d), particle_from, particle_to, particle_rest, particle_radius,
                             particle_body, margin, cloth_particles, together, pairs_out,
                         )  # fmt: skip
-
-
-@wp.kernel
-def note_peak(
-    # State in
-    count: wp.array(dtype=wp.int32),
-    # Out
-    peak_out: wp.array(dtype=wp.int32),
-):
-    """Remembers the greatest count."""
-    peak_out[0] = wp.max(peak_out[0], count[0])

@@ -42,6 +42,7 @@ def add_share(share_out: wp.array(dtype=wp.int64), i: wp.vec4i, w: wp.vec4d):
 def find_contacts(
     # Model
     pairs: Pairs,
+    stride: int,
     # State in
     particle_q: wp.array(dtype=vec3),
     # Out
@@ -51,32 +52,30 @@ def find_contacts(
     share_out: wp.array(dtype=wp.int64),
 ):
     """Which pairs are closer than their contact distance: weights, normal, depth [m]; and Σ |weight| per particle."""
-    k = wp.tid()
-    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
-        return
-    i = pairs.particles[k]
-    x0 = wide(particle_q[i[0]])
-    x1 = wide(particle_q[i[1]])
-    x2 = wide(particle_q[i[2]])
-    x3 = wide(particle_q[i[3]])
-    zero = wp.float64(0.0)
-    w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
-    d = combine(w, x0, x1, x2, x3)
-    length = wp.length(d)
-    n = pairs.side[k]
-    # Through each other are only features whose closest points lie inside both; past a border d may turn as it likes.
-    inside = w[0] != zero and w[1] != zero and w[2] != zero and w[3] != zero
-    if length > wp.float64(1.0e-3) * pairs.distance[k]:
-        if inside and wp.dot(d, n) < zero:
-            n = -d / length
-        else:
-            n = d / length
-    depth = pairs.distance[k] - wp.dot(d, n)
-    depth_out[k] = depth
-    if depth > zero:
-        weights_out[k] = w
-        normal_out[k] = n
-        add_share(share_out, i, w)
+    for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
+        i = pairs.particles[k]
+        x0 = wide(particle_q[i[0]])
+        x1 = wide(particle_q[i[1]])
+        x2 = wide(particle_q[i[2]])
+        x3 = wide(particle_q[i[3]])
+        zero = wp.float64(0.0)
+        w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
+        d = combine(w, x0, x1, x2, x3)
+        length = wp.length(d)
+        n = pairs.side[k]
+        # Through each other are only features whose closest points lie inside both; past a border d may turn.
+        inside = w[0] != zero and w[1] != zero and w[2] != zero and w[3] != zero
+        if length > wp.float64(1.0e-3) * pairs.distance[k]:
+            if inside and wp.dot(d, n) < zero:
+                n = -d / length
+            else:
+                n = d / length
+        depth = pairs.distance[k] - wp.dot(d, n)
+        depth_out[k] = depth
+        if depth > zero:
+            weights_out[k] = w
+            normal_out[k] = n
+            add_share(share_out, i, w)
 
 
 @wp.kernel
@@ -85,6 +84,7 @@ def push_contacts(
     particle_inv_mass: wp.array(dtype=real),
     particle_friction: wp.array(dtype=real),
     pairs: Pairs,
+    stride: int,
     # State in
     particle_start: wp.array(dtype=vec3),
     particle_q: wp.array(dtype=vec3),
@@ -106,41 +106,39 @@ def push_contacts(
     tangential displacement. (Measured on a pile of four sheets at rest, root mean square velocity that the positions do
     not have: 0.12 m/s with the part of the approach instead, 0.012 m/s so.)
     """
-    k = wp.tid()
-    if k >= wp.min(pairs.count[0], pairs.kind.shape[0]):
-        return
-    if depth[k] <= wp.float64(0.0):
-        return
-    i = pairs.particles[k]
-    w = weights[k]
-    n = normal[k]
-    zero = wp.float64(0.0)
-    effective = zero
-    crowd = zero
-    moved = wp.vec3d()
-    for m in range(4):
-        mobility = wp.float64(particle_inv_mass[i[m]])
-        effective += w[m] * w[m] * mobility
-        crowd += wp.abs(w[m]) * mobility * wp.float64(share[i[m]]) / SHARE_UNIT
-        moved += w[m] * (wide(particle_q[i[m]]) - wide(particle_start[i[m]]))
-    if effective <= zero:
-        return
-    part = effective / crowd
-    depth_share = part * depth[k]
-    push = wp.min(depth_share, wp.max(-wp.dot(moved, n), zero))
-    tangential = moved - wp.dot(moved, n) * n
-    slip = wp.length(tangential)
-    friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
-    lost = zero
-    if slip > zero:
-        lost = wp.min(friction * push / (part * slip), wp.float64(1.0))
-    slide = (lost * part) * tangential
-    kick = (push * n - slide) / (effective * dt)
-    move = (depth_share * n - slide) / effective
-    for m in range(4):
-        c = w[m] * wp.float64(particle_inv_mass[i[m]])
-        add_fixed(move_out, i[m], c * move, MOVE_UNIT)
-        add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
+    for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
+        if depth[k] <= wp.float64(0.0):
+            continue
+        i = pairs.particles[k]
+        w = weights[k]
+        n = normal[k]
+        zero = wp.float64(0.0)
+        effective = zero
+        crowd = zero
+        moved = wp.vec3d()
+        for m in range(4):
+            mobility = wp.float64(particle_inv_mass[i[m]])
+            effective += w[m] * w[m] * mobility
+            crowd += wp.abs(w[m]) * mobility * wp.float64(share[i[m]]) / SHARE_UNIT
+            moved += w[m] * (wide(particle_q[i[m]]) - wide(particle_start[i[m]]))
+        if effective <= zero:
+            continue
+        part = effective / crowd
+        depth_share = part * depth[k]
+        push = wp.min(depth_share, wp.max(-wp.dot(moved, n), zero))
+        tangential = moved - wp.dot(moved, n) * n
+        slip = wp.length(tangential)
+        friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
+        lost = zero
+        if slip > zero:
+            lost = wp.min(friction * push / (part * slip), wp.float64(1.0))
+        slide = (lost * part) * tangential
+        kick = (push * n - slide) / (effective * dt)
+        move = (depth_share * n - slide) / effective
+        for m in range(4):
+            c = w[m] * wp.float64(particle_inv_mass[i[m]])
+            add_fixed(move_out, i[m], c * move, MOVE_UNIT)
+            add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
 
 
 @wp.kernel

@@ -143,7 +143,7 @@ def test_an_intersecting_start_is_refused():
 @settings(max_examples=30, deadline=None)
 @given(columns=st.integers(2, 9), rows=st.integers(2, 9))
 def test_every_vertex_and_edge_has_one_owner(columns, rows):
-    triangles = wc.Cloth.grid(size=(1, 1), resolution=(columns, rows)).triangles
+    triangles = wc.Cloth.grid(size=(columns - 1, rows - 1), resolution=(columns, rows)).triangles
     owned = owned_features(triangles)
     vertices = [triangles[t, k] for t, bits in enumerate(owned) for k in range(3) if bits >> k & 1]
     assert sorted(vertices) == list(range(columns * rows))

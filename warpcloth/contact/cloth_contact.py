@@ -13,11 +13,12 @@ import warp as wp
 from ..errors import DivergedError
 from ..model import Model
 from ..state import State
-from .pair_list import PairList
+from .pair_finder import PairFinder
+from .pair_list import PairList, loop_width
 from .surface import Surface
 
 SEPARATION = 1e-6  # [m] that the guard keeps between any two; well above the rounding of float32 at a metre
-REACH = 2.0  # pairs nearer than this many contact distances are listed
+REACH = 1.25  # pairs nearer than this many contact distances are listed
 TORN = 10.0  # an edge this many times its length has no cloth in it: the integrator has diverged
 ROUNDS = 16  # of parting what would meet, before the rest is held back; few scenes need more than 4
 CLEARANCE = 0.3  # share of its contact distance at which a pair that would have met ends
@@ -48,9 +49,7 @@ class ClothContact:
             wp.zeros(1, dtype=wp.int32, device=device) for _ in range(5)
         )
         self.counts, self.counts_before = (wp.zeros(4, dtype=wp.int32, device=device) for _ in range(2))
-        self.lower, self.upper = (wp.zeros(tris, dtype=wp.vec3, device=device) for _ in range(2))
-        self._bounds(self.start, self.start, 0.0)
-        self.bvh = wp.Bvh(self.lower, self.upper)
+        self.finder, self.width = PairFinder(model, self.surface), loop_width(device)
 
     def begin(self, state: State) -> None:
         """Starts an interval at ``state``; lists what is near, or will be at the present velocities."""
@@ -63,7 +62,9 @@ class ClothContact:
         model.shapes.place(model.tracks, state.world_time, 0.0)
         surface.place(state.particle_q, model.shapes.end, self.now)
         wp.copy(self.start, self.now)
-        self._find(self.near, self.start, self.before, REACH * surface.thickest, together=1)
+        self.finder.look_at_fans(state.particle_q, self.finder.all, self.finder.flat_start)
+        reach = REACH * surface.thickest
+        self.finder.find(self.near, self.start, self.before, reach, self.finder.flat_start, together=1)
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``; obstacles have been placed."""
@@ -72,15 +73,15 @@ class ClothContact:
         wp.copy(self.before, state_in.particle_q, count=model.particle_count)
         surface.place(state_out.particle_q, model.shapes.end, self.now)
         self._launch(
-            self.kernels.contact_response.find_contacts, near.capacity,
-            [near.pairs, self.now],
+            self.kernels.contact_response.find_contacts, self.width,
+            [near.pairs, self.width, self.now],
             [near.weights, near.normal, near.depth, self.share],
         )  # fmt: skip
         self._launch(
-            self.kernels.contact_response.push_contacts, near.capacity,
+            self.kernels.contact_response.push_contacts, self.width,
             [
-                surface.inv_mass, surface.friction, near.pairs, self.before, self.now, dt, near.weights, near.normal,
-                near.depth, self.share,
+                surface.inv_mass, surface.friction, near.pairs, self.width, self.before, self.now, dt, near.weights,
+                near.normal, near.depth, self.share,
             ],
             [self.move, self.kick],
         )  # fmt: skip
@@ -124,7 +125,7 @@ class ClothContact:
                 f"The simulation diverged: {torn} triangle edges grew to {TORN:g} times their length in one frame; use "
                 'substeps="auto", more substeps, or an implicit integrator.'
             )
-        short = any([self.near.grow(), self.swept.grow()])
+        short = any([self.near.grow(), self.swept.grow(), self.finder.grow()])
         if short:
             wp.copy(self.counts, self.counts_before)
         return short
@@ -142,20 +143,21 @@ class ClothContact:
     def _part(self, state: State) -> None:
         """One round of impacts; it goes on while there are any, up to ``ROUNDS``."""
         swept, surface, kernels = self.swept, self.surface, self.kernels
-        self._find(swept, self.start, self.now, 2.0 * SEPARATION, together=0)
+        self.finder.look_at_fans(self.now, self.finder.flat_start, self.finder.flat)
+        self.finder.find(swept, self.start, self.now, 2.0 * SEPARATION, self.finder.flat, together=1)
         self.impacts.zero_()
         self._launch(
-            kernels.contact_impact.find_impacts, swept.capacity,
-            [surface.inv_mass, swept.pairs, SEPARATION, CLEARANCE, self.start, self.now],
+            kernels.contact_impact.find_impacts, self.width,
+            [surface.inv_mass, swept.pairs, SEPARATION, CLEARANCE, self.width, self.start, self.now],
             [swept.weights, swept.normal, swept.depth, self.share, self.impacts],
         )  # fmt: skip
         self._launch(
             kernels.contact_impact.count_round, 1, [ROUNDS], [self.impacts, self.remaining, self.rounds, self.counts]
         )
         self._launch(
-            kernels.contact_impact.bounce, swept.capacity,
+            kernels.contact_impact.bounce, self.width,
             [
-                surface.inv_mass, surface.friction, swept.pairs, self.start, self.now, state.particle_qd,
+                surface.inv_mass, surface.friction, swept.pairs, self.width, self.start, self.now, state.particle_qd,
                 self.model.particle_count, swept.weights, swept.normal, swept.depth, self.share, self.impacts,
             ],
             [self.move, self.kick],
@@ -170,34 +172,18 @@ class ClothContact:
         )  # fmt: skip
 
     def _hold_back(self) -> None:
-        """One round of the guard; it goes on while any particle had to be held back further."""
+        """One round of the guard; it goes on while any particle had to be held back further.
+
+        How far each goes is not known, so no fan can be taken for flat, and no pair be told by its relative motion.
+        """
+        self.finder.find(self.swept, self.start, self.now, 2.0 * SEPARATION, self.finder.none, together=0)
         self.held_back.zero_()
         self._launch(
-            self.kernels.contact_guard.limit_motion, self.swept.capacity,
-            [self.surface.inv_mass, self.swept.pairs, SEPARATION, self.start, self.now, self.fraction],
+            self.kernels.contact_guard.limit_motion, self.width,
+            [self.surface.inv_mass, self.swept.pairs, SEPARATION, self.width, self.start, self.now, self.fraction],
             [self.next_fraction, self.held_back, self.counts],
         )  # fmt: skip
         wp.copy(self.fraction, self.next_fraction)
-
-    def _find(self, target: PairList, start: wp.array, end: wp.array, margin: float, *, together: int) -> None:
-        surface = self.surface
-        self._bounds(start, end, 0.5 * margin)
-        self.bvh.refit()
-        target.pairs.count.zero_()
-        self._launch(
-            self.kernels.contact_pairs.find_pairs, surface.tri_count,
-            [
-                surface.tri_indices, surface.tri_owned, surface.world, surface.body, surface.radius, surface.rest,
-                start, end, self.lower, self.upper, self.bvh.id, margin, surface.cloth_tris, surface.cloth_particles,
-                together,
-            ],
-            [target.pairs],
-        )  # fmt: skip
-        self._launch(self.kernels.contact_pairs.note_peak, 1, [target.pairs.count], [target.peak])
-
-    def _bounds(self, start: wp.array, end: wp.array, margin: float) -> None:
-        inputs = [self.surface.tri_indices, start, end, margin]
-        self._launch(self.kernels.contact_pairs.swept_bounds, self.surface.tri_count, inputs, [self.lower, self.upper])
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
         wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)

@@ -48,6 +48,14 @@ class PairList:
         self.depth = room(wp.float64)
 
 
+def loop_width(device: wp.Device) -> int:
+    """Threads that share a list, each taking every so manieth entry; lists are mostly much longer than what is in them.
+
+    On the CPU an idle thread of a long kernel costs some 30 ns: more than most pairs do.
+    """
+    return 16 if device.is_cpu else 65_536
+
+
 def owned_features(triangles: np.ndarray) -> np.ndarray:
     """Which vertices (bits 0 to 2) and edges k, k + 1 (bits 3 to 5) belong to each triangle, the first that has them.
 

@@ -44,7 +44,7 @@ class Surface:
         inv_mass [1/kg], radius [m], friction, world, body, rest [m]: of all particles; ``body`` numbers
             cloths and obstacles.
         tri_indices, tri_owned: corners of each triangle, and which vertices and edges it answers for.
-        thickest: greatest sum of a cloth's and another body's radius [m].
+        thickest: greatest sum of a cloth's and another body's radius [m]. edge: median edge of the cloths [m].
     """
 
     def __init__(self, model: Model):
@@ -68,6 +68,7 @@ class Surface:
         self.body = model.array(np.repeat(np.arange(len(sizes)), sizes), wp.int32)
         self._join_triangles(solids)
         cloth = float(model.particle_radius.numpy().max())
+        self.edge = self._median_edge()
         self.thickest = cloth + max([cloth, *(solid.obstacle.thickness for solid in solids)])
 
     def _join_triangles(self, solids: list[Facets]) -> None:
@@ -77,6 +78,10 @@ class Surface:
         self.tri_indices = self.model.array(corners, wp.int32)
         self.tri_owned = self.model.array(owned_features(corners), wp.int32)
         self.particle_count, self.tri_count = int(firsts[-1]), len(corners)
+
+    def _median_edge(self) -> float:
+        points, triangles = self.model.particle_q.numpy(), self.model.tri_indices.numpy()
+        return float(np.median(np.linalg.norm(points[triangles] - points[np.roll(triangles, 1, axis=1)], axis=2)))
 
     def _find_deforming(self, solids: list[Facets]) -> list[tuple[wp.Mesh, int]]:
         """Meshes whose own points change, and where theirs begin among all obstacle points."""

@@ -1,0 +1,159 @@
+"""What may be near is found, whatever is remembered of earlier ways and however few pairs are looked at."""
+
+import numpy as np
+import pytest
+import warp as wp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from warpcloth.kernels import KernelSet
+
+import warpcloth as wc
+from warpcloth.contact.fans import BROKEN, CLOSED, OPEN, fans_of
+from warpcloth.contact.pair_finder import PairFinder
+from warpcloth.contact.pair_list import PairList
+from warpcloth.contact.surface import Surface
+
+MARGIN = 0.02
+
+
+def crumpled(rng, n=9) -> np.ndarray:
+    """A square sheet of unit size, folded and rumpled."""
+    u, v = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n))
+    fold = rng.uniform(2, 9)
+    points = np.stack([u, 0.3 * np.cos(fold * v) + 0.1 * v, 0.3 * np.sin(fold * v)], axis=-1).reshape(-1, 3)
+    return points + rng.normal(scale=0.3 / n, size=points.shape) * rng.uniform(0, 1)
+
+
+@pytest.fixture(scope="module")
+def finder() -> tuple[PairFinder, PairList, Surface]:
+    cloth = wc.Cloth.grid(size=(1, 1), resolution=(9, 9))
+    model = wc.Model.build([cloth], [wc.Box((0, 0, -0.4), (0.5, 0.5, 0.2))], precision="float64")
+    surface = Surface(model)
+    return PairFinder(model, surface), PairList(model, 300_000), surface
+
+
+def listed(pairs: PairList) -> set[tuple[int, ...]]:
+    count = int(pairs.pairs.count.numpy()[0])
+    assert count <= pairs.capacity
+    rows = np.column_stack([pairs.pairs.kind.numpy()[:count], pairs.pairs.particles.numpy()[:count]])
+    return {tuple(row) for row in rows.tolist()}
+
+
+def look(finder, pairs, surface, start, end, fans=True) -> set[tuple[int, ...]]:
+    """What is found; with ``fans``, in sharp folds only."""
+    arrays = []
+    for points in (start, end):
+        array = surface.positions()
+        wp.copy(array, wp.array(points, dtype=wp.vec3d, device="cpu"), count=len(points))
+        arrays.append(array)
+    while True:
+        finder.look_at_fans(arrays[0], finder.all, finder.flat_start)
+        finder.look_at_fans(arrays[1], finder.flat_start, finder.flat)
+        finder.find(pairs, *arrays, MARGIN, finder.flat if fans else finder.none, together=1)
+        if not finder.grow():
+            return listed(pairs)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10**6), stray=st.floats(0.0, 0.2))
+def test_what_is_remembered_does_not_show(finder, seed, stray):
+    rng = np.random.default_rng(seed)
+    pairs_of = finder[1:]
+    a = crumpled(rng)
+    b, c = (a + rng.normal(scale=stray + 1e-9, size=a.shape) * [1, 1, 0.2] for _ in range(2))
+    finder[0].forget()
+    look(finder[0], *pairs_of, a, b)
+    remembered = look(finder[0], *pairs_of, b, c)
+    finder[0].forget()
+    assert remembered == look(finder[0], *pairs_of, b, c)
+    assert remembered or stray < 0.05  # little of a smooth fold is near anything
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_all_pairs_that_start_near_are_found(finder, seed):
+    """Against all pairs of vertices and triangles, by brute force in numpy."""
+    points = crumpled(np.random.default_rng(seed))
+    triangles = finder[2].tri_indices.numpy()[: finder[2].cloth_tris]
+    found = look(*finder, points, points, fans=False)
+    kernels = KernelSet("float64")
+    expected = set()
+    for v in range(len(points)):
+        for t in triangles.tolist():
+            if (
+                v not in t
+                and np.all(points[v] > points[t].min(0) - MARGIN)
+                and np.all(points[v] < points[t].max(0) + MARGIN)
+            ):
+                w = np.array(distance_weights(kernels, points[[v, *t]]))
+                if np.linalg.norm(w @ points[[v, *t]]) < 0.999 * MARGIN:
+                    expected.add((0, v, *t))
+    assert expected <= found
+
+
+def distance_weights(kernels, points: np.ndarray) -> np.ndarray:
+    """Weights of point minus closest point of the triangle, by minimising over the triangle's border and inside."""
+    p, a, b, c = points
+    best, weights = np.inf, None
+    system = np.stack([b - a, c - a], axis=1)
+    (beta, gamma), *_ = np.linalg.lstsq(system, p - a, rcond=None)
+    options = [(1 - beta - gamma, beta, gamma)] if min(beta, gamma, 1 - beta - gamma) >= 0 else []
+    for k, (x, y) in enumerate(((a, b), (b, c), (c, a))):
+        s = np.clip(np.dot(p - x, y - x) / np.dot(y - x, y - x), 0, 1)
+        options.append(np.roll((1 - s, s, 0), k))
+    for w in options:
+        d = np.linalg.norm(p - np.array(w) @ points[1:])
+        if d < best:
+            best, weights = d, np.array([1, *(-np.array(w))])
+    return weights
+
+
+@settings(max_examples=25, deadline=None)
+@given(columns=st.integers(2, 7), rows=st.integers(2, 7))
+def test_pairs_with_common_vertices_are_all_known(columns, rows):
+    triangles = wc.Cloth.grid(size=(columns - 1, rows - 1), resolution=(columns, rows)).triangles
+    fans = fans_of(triangles, columns * rows)
+    known = {(t, u): {v, w} for t, u, v, w in fans.shared.tolist()}
+    assert len(known) == len(fans.shared)
+    corners = [set(t) for t in triangles.tolist()]
+    count = len(corners)
+    expected = {(t, u): corners[t] & corners[u] for t in range(count) for u in range(t) if corners[t] & corners[u]}
+    assert known == {(u, t): common for (t, u), common in expected.items()}
+    inner = np.zeros((rows, columns), bool)
+    inner[1:-1, 1:-1] = True
+    assert np.array_equal(fans.turns == CLOSED, inner.ravel())
+    assert np.array_equal(fans.turns == OPEN, ~inner.ravel())
+
+
+def test_fans_that_are_none_are_told():
+    assert fans_of(np.array([[0, 1, 2], [0, 3, 4]]), 5).turns[0] == BROKEN  # two that share a vertex
+    assert fans_of(np.array([[0, 1, 2], [0, 3, 2]]), 4).turns.tolist() == [BROKEN, OPEN, BROKEN, OPEN]  # turned over
+
+
+@settings(max_examples=200, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_flat_fans_do_not_touch_themselves(finder, seed):
+    """Every edge of a flat fan passes every triangle that it shares no more than the centre with."""
+    rng = np.random.default_rng(seed)
+    pairs, surface = finder[1:]
+    points = crumpled(rng)
+    look(finder[0], pairs, surface, points, points)
+    flat = finder[0].flat.numpy()
+    triangles = surface.tri_indices.numpy()[: surface.cloth_tris]
+    fan = [t.tolist() for t in triangles if 40 in t]  # the vertex in the middle
+    crossed = any(_rim_crosses(points, t, u) for t in fan for u in fan if len({*t} & {*u}) == 1)
+    assert not (flat[40] and crossed)
+
+
+def _rim_crosses(points: np.ndarray, t: list[int], u: list[int]) -> bool:
+    """Whether the edge of t opposite the centre, 40, passes through triangle u."""
+    p, q = (points[i] for i in t if i != 40)
+    a, b, c = points[u]
+
+    def volume(*x):
+        return np.linalg.det(np.array(x[1:]) - x[0])
+
+    if volume(a, b, c, p) * volume(a, b, c, q) >= 0:
+        return False
+    signs = [volume(p, q, a, b), volume(p, q, b, c), volume(p, q, c, a)]
+    return min(signs) > 0 or max(signs) < 0

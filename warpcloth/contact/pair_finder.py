@@ -1,0 +1,139 @@
+"""Finds the pairs that may meet on a way, from what is known of earlier ways."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..model import Model
+from .fans import fans_of
+from .pair_list import PairList, loop_width
+from .surface import Surface
+
+ROOM = 0.25  # of an edge's length: how far a triangle may stray before its neighbours are looked up again
+
+
+class PairFinder:
+    """Lists pairs of points and triangles, and of edges, that can come near each other between two sets of positions.
+
+    Attributes:
+        flat_start, flat, all, none: masks of fans, for whoever calls; shape [particle_count].
+    """
+
+    def __init__(self, model: Model, surface: Surface):
+        self.model, self.surface, self.kernels = model, surface, model.kernels
+        tris, n, device = surface.tri_count, model.particle_count, model.device
+        self.lower, self.upper, self.known_lower, self.known_upper = (
+            wp.zeros(tris, dtype=wp.vec3, device=device) for _ in range(4)
+        )
+        self.moved = wp.zeros(tris, dtype=wp.int32, device=device)
+        self.peak = wp.zeros(1, dtype=wp.int32, device=device)
+        self.room, self.width = ROOM * surface.edge, loop_width(model.device)
+        self.forget()
+        self._bound(surface.rest, surface.rest, 0.0)
+        self.bvh = wp.Bvh(self.known_lower, self.known_upper)
+        self._allocate(4 * tris)
+        self.relative = surface.positions()
+        sizes = np.bincount(model.particle_world.numpy(), minlength=model.world_count)
+        self.share = model.array(1.0 / np.maximum(sizes, 1), wp.float64)
+        self.drift = wp.zeros(model.world_count, dtype=wp.vec3d, device=device)
+        fans = fans_of(model.tri_indices.numpy(), n)
+        self.fan_start, self.fan_turns = model.array(fans.start, wp.int32), model.array(fans.turns, wp.int32)
+        self.fan_spokes = model.array(fans.spokes, wp.vec2i)
+        self.shared = model.array(fans.shared, wp.vec4i)
+        self.flat, self.flat_start = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(2))
+        self.all, self.none = (wp.full(n, value, dtype=wp.int32, device=device) for value in (1, 0))
+
+    def find(
+        self, target: PairList, start: wp.array, end: wp.array, margin: float, flat: wp.array, together: int
+    ) -> None:
+        """Fills ``target`` with the pairs that can come within ``margin`` [m] on the way from start to end.
+
+        Args:
+            start, end: positions of all particles of the surface [m].
+            flat: which fans need not be looked at; see :meth:`look_at_fans`.
+            together: 1 if all move at the same time, so that only relative motion counts, 0 if each at its own.
+        """
+        surface = self.surface
+        end = self._without_drift(start, end) if together else end
+        self._bound(start, end, 0.5 * margin)
+        self._renew_known()
+        self._launch(self.kernels.contact_fans.add_fan_pairs, len(self.shared), [self.shared, flat], [self.found])
+        target.pairs.count.zero_()
+        self._launch(
+            self.kernels.contact_pairs.find_pairs, self.width,
+            [
+                surface.tri_indices, surface.tri_owned, surface.body, surface.radius, surface.rest, self.width,
+                self.found, start, end, self.lower, self.upper, margin, surface.cloth_particles, together,
+            ],
+            [target.pairs],
+        )  # fmt: skip
+        for pairs in (self.found, target.pairs):
+            self._launch(self.kernels.contact_candidates.note_peak, 1, [pairs.count], [pairs.peak])
+
+    def _without_drift(self, start: wp.array, end: wp.array) -> wp.array:
+        """Only relative motion counts where all move together: ``end`` less the mean motion of each world."""
+        self.drift.zero_()
+        kernels, surface = self.kernels.contact_candidates, self.surface
+        inputs = [surface.world, self.share, start, end]
+        self._launch(kernels.sum_drift, surface.cloth_particles, inputs, [self.drift])
+        self._launch(kernels.remove_drift, surface.particle_count, [surface.world, end, self.drift], [self.relative])
+        return self.relative
+
+    def look_at_fans(self, particle_q: wp.array, also: wp.array, out: wp.array) -> None:
+        """Writes 1 for each vertex whose fan is flat at ``particle_q`` and in ``also``, else 0."""
+        inputs = [self.fan_start, self.fan_spokes, self.fan_turns, particle_q, also]
+        self._launch(self.kernels.contact_fans.find_flat_fans, self.model.particle_count, inputs, [out])
+
+    def grow(self) -> bool:
+        """Makes room for half as much again as there was ever need of; False if there was room enough."""
+        peak = int(self.peak.numpy()[0])
+        self.peak.zero_()
+        if peak <= self.capacity:
+            return False
+        self._allocate(peak + peak // 2)
+        return True
+
+    def forget(self) -> None:
+        """Nothing is known of any triangle any more."""
+        self.known_lower.fill_(wp.vec3(1.0e30))
+        self.known_upper.fill_(wp.vec3(-1.0e30))
+
+    def _allocate(self, capacity: int) -> None:
+        self.capacity = capacity
+        self.known, self.found = self._triangle_pairs(), self._triangle_pairs()
+        self.forget()
+
+    def _triangle_pairs(self) -> Any:
+        pairs = self.kernels.contact_candidates.TrianglePairs()
+        pairs.count = wp.zeros(1, dtype=wp.int32, device=self.model.device)
+        pairs.peak = self.peak
+        pairs.pair = wp.zeros(self.capacity, dtype=wp.vec2i, device=self.model.device)
+        return pairs
+
+    def _bound(self, start: wp.array, end: wp.array, margin: float) -> None:
+        self._launch(
+            self.kernels.contact_candidates.swept_bounds, self.surface.tri_count,
+            [self.surface.tri_indices, start, end, margin, self.room],
+            [self.lower, self.upper, self.known_lower, self.known_upper, self.moved],
+        )  # fmt: skip
+
+    def _renew_known(self) -> None:
+        """Looks up the pairs of triangles that have left their known boxes; ``found`` is a copy of ``known`` then."""
+        surface, kernels, found = self.surface, self.kernels.contact_candidates, self.found
+        found.count.zero_()
+        self._launch(kernels.keep_pairs, self.width, [self.width, self.known, self.moved], [found])
+        self.bvh.refit()
+        self._launch(
+            kernels.find_triangle_pairs, surface.tri_count,
+            [
+                surface.tri_indices, surface.world, surface.cloth_tris, self.moved, self.known_lower,
+                self.known_upper, self.bvh.id,
+            ],
+            [found],
+        )  # fmt: skip
+        wp.copy(self.known.pair, found.pair)
+        wp.copy(self.known.count, found.count)
+
+    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
