@@ -59,7 +59,10 @@ def provenance(scene: Scene) -> dict[str, Any]:
 def make_model(scenes: Sequence[BuiltScene]) -> Model:
     """A world for each scene; they have the same device and precision. A network has a model for itself."""
     options = scenes[0].scene.simulation
-    placed: dict[str, Any] = {"device": None if options.device == "auto" else options.device, "precision": options.precision}
+    placed: dict[str, Any] = {
+        "device": None if options.device == "auto" else options.device,
+        "precision": options.precision,
+    }
     net = scenes[0].network
     if net is None:
         return Model.build_worlds([(built.cloths, built.obstacles) for built in scenes], **placed)
@@ -68,7 +71,7 @@ def make_model(scenes: Sequence[BuiltScene]) -> Model:
 
 
 def make_simulation(scenes: Sequence[BuiltScene], model: Model) -> Simulation:
-    """The simulation of :func:`make_model`'s model; but for gravity the scenes have the same options.
+    """The simulation of :func:`make_model`'s model; but for gravity and air the scenes have the same options.
 
     Raises:
         InputError: an option that the integrator does not take.
@@ -82,6 +85,7 @@ def make_simulation(scenes: Sequence[BuiltScene], model: Model) -> Simulation:
         gravity=[built.scene.simulation.gravity for built in scenes],
         substeps=options.substeps,
         contact=options.contact,
+        air=[built.scene.air.build(built.scene.seed) for built in scenes],
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from .load import bundled_scenes, load_scene
+from .schema.air import AirTable
 from .schema.cloth import CLOTHS
 from .schema.fabric import FabricTable
 from .schema.motion import KeyTable, MotionTable
@@ -24,6 +25,7 @@ from .schema.values import Checked
 SECTIONS: list[tuple[str, tuple[type[Table], ...]]] = [
     ("Top level", (Scene,)),
     ("`[simulation]`", (SimulationTable,)),
+    ("`[air]`", (AirTable,)),
     ("`[[cloth]]`", CLOTHS),
     ("`fabric`", (FabricTable,)),
     ("`pins`", (PinTable,)),

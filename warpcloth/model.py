@@ -47,7 +47,9 @@ class Model:
         spring_stiffness: k_s [N]. spring_damping: k_d [N s]. spring_group: 0 in-plane, 1 bending. spring_kind: see
             :mod:`warpcloth.cloth.springs`.
         particle_spring_start, particle_spring_ids: the springs of each particle in rising order (compressed rows).
-        tri_indices: corners of each triangle, int32, shape [tri_count, 3].
+        tri_indices: corners of each triangle, int32, shape [tri_count, 3]. tri_air_drag, tri_air_friction: coefficients
+            of the air's force across and along each [-]. tri_corner_share: share of each corner in its triangle's mass,
+            vec3. particle_corner_start, particle_corner_ids: rows of corners, corner c of triangle t having id 3 t + c.
         moving_pins, tracks: prescribed motions. shapes: obstacles.
         cloths: a :class:`ClothRange` for each cloth.
     """
@@ -178,10 +180,16 @@ class Model:
         self.spring_damping = self.array(parts.damping, real)
         self.spring_kind = self.array(parts.kinds.astype(np.int32), wp.int32)
         self.spring_group = self.array(parts.groups, wp.int32)
-        start, ids = incident_springs(parts.springs, self.particle_count)
+        start, ids = incident_rows(parts.springs.reshape(-1, 2), self.particle_count)
         self.particle_spring_start = self.array(start, wp.int32)
         self.particle_spring_ids = self.array(ids, wp.int32)
         self.tri_indices = self.array(parts.triangles.reshape(-1, 3), wp.int32)
+        self.tri_air_drag = self.array(parts.air_drag, real)
+        self.tri_air_friction = self.array(parts.air_friction, real)
+        self.tri_corner_share = self.array(parts.corner_share, vec3)
+        start, ids = incident_rows(parts.triangles.reshape(-1, 1), self.particle_count)
+        self.particle_corner_start = self.array(start, wp.int32)
+        self.particle_corner_ids = self.array(ids, wp.int32)
 
     def _make_motions(self, parts: Parts, obstacles: Sequence[tuple[int, Obstacle]]) -> None:
         motions = [row[1] for row in parts.moving]
@@ -196,10 +204,14 @@ class Model:
         self.shapes = CollisionShapes(self.kernels, rows, self.world_count, self.device)
 
 
-def incident_springs(springs: np.ndarray, particle_count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Compressed rows: spring numbers of each particle in rising order, as (start [n + 1], ids [2 s])."""
-    ends = springs.reshape(-1)
-    ids = np.repeat(np.arange(len(springs)), 2)
+def incident_rows(elements: np.ndarray, particle_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Compressed rows: numbers of each particle's elements in rising order, as (start [n + 1], ids [m k]).
+
+    Args:
+        elements: particles of each element, shape [m, k].
+    """
+    ends = elements.reshape(-1)
+    ids = np.repeat(np.arange(len(elements)), elements.shape[1])
     order = np.lexsort((ids, ends))
     start = np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=particle_count))])
     return start.astype(np.int32), ids[order].astype(np.int32)

@@ -37,6 +37,9 @@ class Parts:
     damping: np.ndarray
     kinds: np.ndarray
     triangles: np.ndarray
+    corner_share: np.ndarray
+    air_drag: np.ndarray
+    air_friction: np.ndarray
     moving: list[tuple[np.ndarray, Motion, np.ndarray, np.ndarray]] = field(default_factory=list)
     ranges: list[tuple[int, str, int, int, int, int]] = field(default_factory=list)
 
@@ -96,6 +99,9 @@ def _piece(world: int, cloth: "Cloth", first: int) -> dict[str, np.ndarray]:
         "damping": net.damping,
         "kinds": net.kinds,
         "triangles": cloth.triangles + first,
+        "corner_share": cloth.corner_share,
+        "air_drag": np.full(len(cloth.triangles), cloth.fabric.air_drag),
+        "air_friction": np.full(len(cloth.triangles), cloth.fabric.air_friction),
     }
 
 
@@ -137,6 +143,9 @@ def parts_of_network(
         damping=_column(k_d, s, "k_d"),
         kinds=np.zeros(s, np.uint8),
         triangles=np.zeros((0, 3), np.int32),
+        corner_share=np.zeros((0, 3)),
+        air_drag=np.zeros(0),
+        air_friction=np.zeros(0),
         ranges=[(0, "network", 0, n, 0, 0)],
     )
 

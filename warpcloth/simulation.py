@@ -8,9 +8,10 @@ import numpy as np
 import warp as wp
 
 from . import diagnostics, stability, validate
+from .air import Air
 from .contact import CONTACTS, ContactStage
-from .errors import ContactWarning, ConvergenceWarning, StabilityWarning
-from .forces import Forces, Springs
+from .errors import ContactWarning, ConvergenceWarning, InputError, StabilityWarning
+from .forces import AirDrag, Forces, ForceTerm, Springs
 from .integrators import make_integrator
 from .kinematics import drive_pins
 from .model import Model
@@ -32,6 +33,7 @@ class Simulation:
         gravity: acceleration [m/s²], shape [3], or one per world, shape [world_count, 3].
         substeps: integrator steps per call of :meth:`step`, or "auto": as few as are stable.
         contact: "obstacles", "all" (cloth with itself, other cloth and the edges of obstacles, too), or "none".
+        air: the :class:`Air` that triangles of cloth move through, or one per world; None: a vacuum.
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
         graph: capture each frame as a graph and replay it, where the device can.
         check: after each frame, raise if anything is not finite.
@@ -56,13 +58,14 @@ class Simulation:
         *,
         integrator_options: Mapping[str, Any] | None = None,
         contact: str = "obstacles",
+        air: Air | Sequence[Air] | None = None,
         assembly: str = "scatter",
         graph: bool = True,
         check: bool = True,
     ):
         self.model = model
         self.integrator = make_integrator(integrator, model, integrator_options)
-        self.forces = Forces(model, [Springs(model, assembly)], self._world_gravity(gravity))
+        self.forces = Forces(model, force_terms(model, assembly, air), self._world_gravity(gravity))
         self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"))
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
@@ -276,3 +279,17 @@ class Simulation:
         shape = (count, 3) if np.ndim(gravity) == 2 else (3,)
         values = validate.array(gravity, "gravity", shape)
         return self.model.array(np.broadcast_to(values, (count, 3)), self.model.vec3)
+
+
+def force_terms(model: Model, assembly: str, air: Air | Sequence[Air] | None) -> list[ForceTerm]:
+    """All forces but gravity that act on a model; arguments as for :class:`Simulation`."""
+    airs = [] if air is None else list(air) if isinstance(air, Sequence) else [air] * model.world_count
+    for item in airs:
+        if not isinstance(item, Air):
+            raise InputError(f"Air must be an Air, one for each world, or None, got {type(item).__name__}.")
+    if airs and len(airs) != model.world_count:
+        raise InputError(f"Air must be given once or for each of the {model.world_count} worlds, got {len(airs)}.")
+    terms: list[ForceTerm] = [Springs(model, assembly)]
+    if any(item.density > 0.0 for item in airs) and model.tri_count > 0:
+        terms.append(AirDrag(model, airs))
+    return terms

@@ -14,6 +14,7 @@ from pydantic import Discriminator, Field, PrivateAttr, ValidationError, model_v
 from warpcloth.cloth import Cloth
 from warpcloth.errors import InputError, SceneError
 
+from .air import AirTable
 from .cloth import DiscTable, GridTable, MeshClothTable
 from .messages import explain
 from .network import Network, NetworkTable
@@ -37,6 +38,7 @@ class Scene(Table):
     fps: Annotated[float, Number("1/s", 0.001, 1e5)] = field(24.0, "Frames per second.")
     seed: Annotated[int, Number("", 0, 2**32 - 1, whole=True)] = field(0, "Seed of all random numbers in the scene.")
     simulation: SimulationTable = field(SimulationTable(), "How it is simulated.")
+    air: AirTable = field(AirTable(), "The air around the cloths.")
     cloth: list[AnyCloth] = Field([], description="The cloths.", max_length=10_000)
     obstacle: list[AnyObstacle] = Field([], description="What the cloths collide with.", max_length=10_000)
     network: NetworkTable | None = field(None, "A bare network of springs instead of cloths.")

@@ -36,6 +36,7 @@ class Cloth:
         uv_indices: index into ``uvs`` of each corner, shape [m, 3], or None.
         pins: disjoint groups of held vertices.
         velocity: initial velocity of every free particle [m/s], shape [3].
+        corner_share: share of each corner in its triangle's mass [-], shape [m, 3]; thirds for None.
 
     Raises:
         InputError: on values out of range; MeshError: on vertices that no triangle gives a mass.
@@ -51,6 +52,7 @@ class Cloth:
     uv_indices: Array = None
     pins: tuple[Pin, ...] = ()
     velocity: Array = (0.0, 0.0, 0.0)
+    corner_share: Array = None
 
     def __post_init__(self):
         label = cloth_label(self.name)
@@ -59,6 +61,8 @@ class Cloth:
         values["masses"] = validate.array(self.masses, f"{label}: masses", (len(points),))
         values["velocity"] = validate.vector(self.velocity, f"{label}: velocity")
         values["pins"] = tuple(self.pins)
+        share = np.full(triangles.shape, 1.0 / 3.0) if self.corner_share is None else self.corner_share
+        values["corner_share"] = validate.array(share, f"{label}: corner_share", (len(triangles), 3))
         require(self.springs, SpringNetwork, f"{label}: springs")
         require(self.fabric, Fabric, f"{label}: fabric")
         for pin in values["pins"]:
@@ -115,6 +119,7 @@ class Cloth:
             uv_indices=triangles,
             pins=resolve_pins(pins, placed, shape.named_vertices(), label),
             velocity=velocity,
+            corner_share=shape.corner_share(triangles),
         )
 
     @staticmethod

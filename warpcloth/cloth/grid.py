@@ -64,6 +64,14 @@ class GridShape:
         dx, dy = self.cell
         return areal_density * np.outer(_owned(self.ny, dy), _owned(self.nx, dx)).ravel()
 
+    def corner_share(self, triangles: np.ndarray) -> np.ndarray:
+        """Shares of the corners in a triangle's mass that make up :meth:`masses`: a half at the right angle, and
+        quarters at the ends of the cell's diagonal, shape [m, 3]."""
+        column, row = triangles % self.nx, triangles // self.nx
+        same_column = np.sum(column[:, :, None] == column[:, None, :], axis=2) == 2
+        same_row = np.sum(row[:, :, None] == row[:, None, :], axis=2) == 2
+        return np.where(same_column & same_row, 0.5, 0.25)
+
     def named_vertices(self) -> dict[str, np.ndarray]:
         """Edges and corners by name: left −x, right +x, bottom −y, top +y."""
         index = self.index

@@ -1,6 +1,7 @@
 """Forces: terms over one model, summed by :class:`Forces`. A new one is a kernel file, a class and one line here."""
 
+from .air import AirDrag
 from .base import Forces, ForceTerm, Hessian, Linearization
 from .springs import ASSEMBLIES, Springs
 
-__all__ = ["ASSEMBLIES", "ForceTerm", "Forces", "Hessian", "Linearization", "Springs"]
+__all__ = ["ASSEMBLIES", "AirDrag", "ForceTerm", "Forces", "Hessian", "Linearization", "Springs"]

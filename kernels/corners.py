@@ -1,0 +1,29 @@
+"""From triangles to particles, without atomics: every particle sums its triangles in the order of their numbers."""
+
+import sys
+
+import warp as wp
+
+from .precision import OPTIONS, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.kernel
+def add_corners(
+    # Model
+    particle_corner_start: wp.array(dtype=wp.int32),
+    particle_corner_ids: wp.array(dtype=wp.int32),
+    tri_corner_share: wp.array(dtype=vec3),
+    # State in
+    tri_vector: wp.array(dtype=vec3),
+    # Out
+    particle_out: wp.array(dtype=vec3),
+):
+    """Adds to each particle its share of each of its triangles; corner c is the (c mod 3)rd of triangle c/3."""
+    i = wp.tid()
+    total = particle_out[i]
+    for k in range(particle_corner_start[i], particle_corner_start[i + 1]):
+        t = particle_corner_ids[k] // 3
+        total += tri_corner_share[t][particle_corner_ids[k] % 3] * tri_vector[t]
+    particle_out[i] = total
