@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 
 from .load import bundled_scenes, load_scene
 from .schema.air import AirTable
-from .schema.cloth import CLOTHS
+from .schema.cloth import CLOTHS, InflationTable
 from .schema.fabric import FabricTable
 from .schema.motion import KeyTable, MotionTable
 from .schema.network import NetworkTable
@@ -28,6 +28,7 @@ SECTIONS: list[tuple[str, tuple[type[Table], ...]]] = [
     ("`[air]`", (AirTable,)),
     ("`[[cloth]]`", CLOTHS),
     ("`fabric`", (FabricTable,)),
+    ("`inflation`", (InflationTable,)),
     ("`pins`", (PinTable,)),
     ("`box` of a pin", (RegionTable,)),
     ("`motion`", (MotionTable,)),

@@ -7,7 +7,7 @@ from typing import Any
 
 from . import errors
 from .air import Air
-from .cloth import Cloth, pin, pin_box, pin_nearest
+from .cloth import Cloth, Inflation, pin, pin_box, pin_nearest
 from .errors import WarpclothError
 from .fabric import Fabric
 from .fabric_library import fabrics, library_fabric
@@ -23,9 +23,9 @@ __version__ = "0.1.0"
 _SCENE_LAYER = ("load_scene", "simulate")
 
 __all__ = [
-    "Air", "Box", "Capsule", "Cloth", "Fabric", "MeshObstacle", "Model", "Motion", "Plane", "Simulation", "Sphere",
-    "State", "WarpclothError", "errors", "fabrics", "integrators", "library_fabric", "load_scene", "pin", "pin_box",
-    "pin_nearest", "simulate",
+    "Air", "Box", "Capsule", "Cloth", "Fabric", "Inflation", "MeshObstacle", "Model", "Motion", "Plane", "Simulation",
+    "Sphere", "State", "WarpclothError", "errors", "fabrics", "integrators", "library_fabric", "load_scene", "pin",
+    "pin_box", "pin_nearest", "simulate",
 ]  # fmt: skip
 
 

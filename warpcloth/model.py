@@ -50,6 +50,7 @@ class Model:
         tri_indices: corners of each triangle, int32, shape [tri_count, 3]. tri_air_drag, tri_air_friction: coefficients
             of the air's force across and along each [-]. tri_corner_share: share of each corner in its triangle's mass,
             vec3. particle_corner_start, particle_corner_ids: rows of corners, corner c of triangle t having id 3 t + c.
+        tri_bag: inflated cloth of each triangle, or −1, int32. bags: their pressures [Pa], volumes [m³], ….
         moving_pins, tracks: prescribed motions. shapes: obstacles.
         cloths: a :class:`ClothRange` for each cloth.
     """
@@ -72,6 +73,9 @@ class Model:
         self.spring_count = len(parts.springs)
         self.tri_count = len(parts.triangles)
         self.cloths = tuple(ClothRange(*row) for row in parts.ranges)
+        self.bag_count = len(parts.bags)
+        rows = np.array(parts.bags, float).reshape(-1, 5).T
+        self.bags = dict(zip(("pressure", "ambient", "volume", "gas", "side"), rows, strict=True))
         self._upload(parts)
         self._make_motions(parts, obstacles)
 
@@ -184,6 +188,7 @@ class Model:
         self.particle_spring_start = self.array(start, wp.int32)
         self.particle_spring_ids = self.array(ids, wp.int32)
         self.tri_indices = self.array(parts.triangles.reshape(-1, 3), wp.int32)
+        self.tri_bag = self.array(parts.bag.astype(np.int32), wp.int32)
         self.tri_air_drag = self.array(parts.air_drag, real)
         self.tri_air_friction = self.array(parts.air_friction, real)
         self.tri_corner_share = self.array(parts.corner_share, vec3)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import validate
+from .cloth.inflation import enclosed_volume
 from .errors import InputError
 from .motion import Motion
 
@@ -21,7 +22,8 @@ class Parts:
     """Host arrays in SI units: n particles, s springs, t triangles.
 
     ``moving`` has a row (particles, motion, their rest positions, pivot) for each group of moving pins; ``ranges`` the
-    fields of a ``ClothRange`` for each cloth.
+    fields of a ``ClothRange`` for each cloth; ``bags`` a row (pressure, ambient, volume, gas, side) for each inflated
+    one, and ``bag`` the number of that row for each triangle, −1 on others.
     """
 
     positions: np.ndarray
@@ -40,6 +42,8 @@ class Parts:
     corner_share: np.ndarray
     air_drag: np.ndarray
     air_friction: np.ndarray
+    bags: list[tuple[float, float, float, bool, float]] = field(default_factory=list)
+    bag: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     moving: list[tuple[np.ndarray, Motion, np.ndarray, np.ndarray]] = field(default_factory=list)
     ranges: list[tuple[int, str, int, int, int, int]] = field(default_factory=list)
 
@@ -55,18 +59,20 @@ def parts_of_worlds(worlds: Sequence[Sequence["Cloth"]]) -> Parts:
     Raises:
         InputError: a world without cloth, or with two cloths of one name.
     """
-    pieces, moving, ranges = [], [], []
+    pieces, moving, ranges, bags = [], [], [], []
     first = tri_first = 0
     for world, cloths in enumerate(worlds):
         _check_names(world, cloths)
         for cloth in cloths:
             pieces.append(_piece(world, cloth, first))
+            pieces[-1]["bag"] = np.full(len(cloth.triangles), -1 if cloth.inflation is None else len(bags), np.int32)
+            bags += _bags(cloth)
             moving += _moving_pins(cloth, first)
             stop, tri_stop = first + len(cloth.points), tri_first + len(cloth.triangles)
             ranges.append((world, cloth.name, first, stop, tri_first, tri_stop))
             first, tri_first = stop, tri_stop
     joined = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-    return Parts(**joined, moving=moving, ranges=ranges)
+    return Parts(**joined, moving=moving, ranges=ranges, bags=bags)
 
 
 def _check_names(world: int, cloths: Sequence["Cloth"]) -> None:
@@ -103,6 +109,13 @@ def _piece(world: int, cloth: "Cloth", first: int) -> dict[str, np.ndarray]:
         "air_drag": np.full(len(cloth.triangles), cloth.fabric.air_drag),
         "air_friction": np.full(len(cloth.triangles), cloth.fabric.air_friction),
     }
+
+
+def _bags(cloth: "Cloth") -> list[tuple[float, float, float, bool, float]]:
+    if cloth.inflation is None:
+        return []
+    inside, volume = cloth.inflation, enclosed_volume(cloth.points, cloth.triangles)
+    return [(inside.pressure, inside.ambient, abs(volume), inside.gas, np.sign(volume))]
 
 
 def _moving_pins(cloth: "Cloth", first: int) -> list[tuple[np.ndarray, Motion, np.ndarray, np.ndarray]]:

@@ -11,7 +11,7 @@ from . import diagnostics, stability, validate
 from .air import Air
 from .contact import CONTACTS, ContactStage
 from .errors import ContactWarning, ConvergenceWarning, InputError, StabilityWarning
-from .forces import AirDrag, Forces, ForceTerm, Springs
+from .forces import AirDrag, Forces, ForceTerm, Pressure, Springs
 from .integrators import make_integrator
 from .kinematics import drive_pins
 from .model import Model
@@ -292,4 +292,6 @@ def force_terms(model: Model, assembly: str, air: Air | Sequence[Air] | None) ->
     terms: list[ForceTerm] = [Springs(model, assembly)]
     if any(item.density > 0.0 for item in airs) and model.tri_count > 0:
         terms.append(AirDrag(model, airs))
+    if model.bag_count > 0:
+        terms.append(Pressure(model))
     return terms

@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from warpcloth.cloth import Cloth
+from warpcloth.cloth import Cloth, Inflation
+from warpcloth.cloth.inflation import STANDARD_ATMOSPHERE
 from warpcloth.transforms import placement
 
 from .fabric import FabricTable
@@ -103,6 +104,20 @@ class DiscTable(ClothTable):
         return Cloth.disc(radius=self.radius, resolution=self.resolution, **common)
 
 
+class InflationTable(Table):
+    """What is inside a closed cloth."""
+
+    pressure: Annotated[float, Number("Pa", -1e7, 1e7)] = field(..., "Pressure over that outside, at rest.")
+    gas: bool = field(
+        False, "Whether a fixed amount of gas is shut in, whose pressure falls as it expands; or the pressure stays."
+    )
+    ambient: Annotated[float, positive("Pa", 1e9)] = field(STANDARD_ATMOSPHERE, "Pressure outside; a gas needs it.")
+
+    def build(self) -> Inflation:
+        """The simulator's inflation."""
+        return Inflation(**dict(self))
+
+
 class MeshClothTable(ClothTable):
     """A cloth whose rest shape is a triangle mesh read from a file."""
 
@@ -110,9 +125,11 @@ class MeshClothTable(ClothTable):
     path: MeshPath
     prim: PrimPath
     scale: Annotated[float, positive("", 1e6)] = field(1.0, "Scale about the file's origin.")
+    inflation: InflationTable | None = field(None, "Pressure inside a mesh that is closed.")
 
     def shaped(self, folder: Path, common: dict[str, Any]) -> Cloth:
-        return Cloth.from_mesh(mesh_source(self.path, folder), prim=self.prim, **common)
+        inflation = None if self.inflation is None else self.inflation.build()
+        return Cloth.from_mesh(mesh_source(self.path, folder), prim=self.prim, inflation=inflation, **common)
 
 
 CLOTHS = (GridTable, DiscTable, MeshClothTable)

@@ -1,6 +1,7 @@
 """Cloth on the host: rest meshes, springs, pins."""
 
 from .cloth import Cloth
+from .inflation import Inflation
 from .pins import Pin, PinSpec, pin, pin_box, pin_nearest
 from .springs import BEND, KIND_NAMES, SHEAR, STRUCTURAL, SpringNetwork
 
@@ -10,6 +11,7 @@ __all__ = [
     "SHEAR",
     "STRUCTURAL",
     "Cloth",
+    "Inflation",
     "Pin",
     "PinSpec",
     "SpringNetwork",

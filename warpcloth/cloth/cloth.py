@@ -15,6 +15,7 @@ from ..validate import Array
 from .arguments import checked_fabric, cloth_label, disc_radius, grid_resolution, grid_size, require, rigid_matrix
 from .disc import disc_points, disc_triangles, rim
 from .grid import DIAGONALS, GridShape
+from .inflation import Inflation, check_closed
 from .pins import Pin, resolve_pins
 from .springs import SpringNetwork, lumped_masses, mesh_springs, triangle_areas
 
@@ -37,6 +38,7 @@ class Cloth:
         pins: disjoint groups of held vertices.
         velocity: initial velocity of every free particle [m/s], shape [3].
         corner_share: share of each corner in its triangle's mass [-], shape [m, 3]; thirds for None.
+        inflation: pressure inside a closed cloth; None: none.
 
     Raises:
         InputError: on values out of range; MeshError: on vertices that no triangle gives a mass.
@@ -53,6 +55,7 @@ class Cloth:
     pins: tuple[Pin, ...] = ()
     velocity: Array = (0.0, 0.0, 0.0)
     corner_share: Array = None
+    inflation: Inflation | None = None
 
     def __post_init__(self):
         label = cloth_label(self.name)
@@ -67,6 +70,9 @@ class Cloth:
         require(self.fabric, Fabric, f"{label}: fabric")
         for pin in values["pins"]:
             require(pin, Pin, f"{label}: each of pins")
+        if self.inflation is not None:
+            require(self.inflation, Inflation, f"{label}: inflation")
+            check_closed(points, triangles, label)
         if (self.uvs is None) != (self.uv_indices is None):
             raise InputError(f"{validate.sentence(label)}: uvs and uv_indices must be given together.")
         if self.uvs is not None:
@@ -172,6 +178,7 @@ class Cloth:
         velocity: Any = (0.0, 0.0, 0.0),
         *,
         prim: str | None = None,
+        inflation: Inflation | None = None,
     ) -> "Cloth":
         """Cloth from a mesh file, an asset such as ``"warp:square_cloth.usd"``, or a ``trimesh.Trimesh``.
 
@@ -181,6 +188,7 @@ class Cloth:
             transform: 4 × 4 matrix, which may scale, or translation [m].
             name: defaults to the name of the file or prim.
             prim: path or name of a mesh in a USD or glTF file with several; a parent of some means them joined.
+            inflation: pressure inside a mesh that is closed.
 
         Raises:
             MeshError: when the mesh cannot be read, is empty, branches, or has triangles without area;
@@ -202,6 +210,7 @@ class Cloth:
             uv_indices=mesh.uv_indices,
             pins=resolve_pins(pins, mesh.points, {}, label),
             velocity=velocity,
+            inflation=inflation,
         )
 
     @property

@@ -2,6 +2,7 @@
 
 from .air import AirDrag
 from .base import Forces, ForceTerm, Hessian, Linearization
+from .pressure import Pressure
 from .springs import ASSEMBLIES, Springs
 
-__all__ = ["ASSEMBLIES", "AirDrag", "ForceTerm", "Forces", "Hessian", "Linearization", "Springs"]
+__all__ = ["ASSEMBLIES", "AirDrag", "ForceTerm", "Forces", "Hessian", "Linearization", "Pressure", "Springs"]

@@ -1,0 +1,133 @@
+"""Pressure in closed cloth: gradient of its energy, balance, Laplace's law of a balloon, Boyle's law, input."""
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+from warpcloth.scenes import scene_from_toml
+
+import warpcloth as wc
+from warpcloth.errors import InputError
+from warpcloth.forces import Forces, Linearization, Pressure
+from warpcloth.state import State
+
+KINDS = [wc.Inflation(200.0), wc.Inflation(500.0, gas=True, ambient=2000.0)]
+
+
+def bag(inflation: wc.Inflation, subdivisions: int = 1, inward: bool = False) -> wc.Cloth:
+    ball = trimesh.creation.icosphere(subdivisions, 0.1)
+    if inward:
+        ball.invert()
+    fabric = wc.Fabric(areal_density=0.2, shear_stiffness=150.0, bend_stiffness=0.0, damping_time=2e-3)
+    return wc.Cloth.from_mesh(ball, fabric, inflation=inflation)
+
+
+def crumpled(inflation: wc.Inflation) -> tuple[Forces, State]:
+    beside = wc.Cloth.grid((0.1, 0.1), (3, 3), transform=(1.0, 0.0, 0.0), name="open")
+    model = wc.Model.build([beside, bag(inflation)], precision="float64")
+    state = State.of(model)
+    state.particle_q.assign(state.particle_q.numpy() + np.random.default_rng(0).normal(0.0, 0.01, (51, 3)))
+    return Forces(model, [Pressure(model)], model.array(np.zeros((1, 3)), model.vec3)), state
+
+
+def evaluated(forces: Forces, state: State) -> np.ndarray:
+    state.particle_f.fill_(float("nan"))
+    forces.evaluate(state)
+    return state.particle_f.numpy().copy()
+
+
+@pytest.mark.parametrize("inflation", KINDS)
+def test_force_is_the_slope_of_the_energy_and_balanced(inflation):
+    forces, state = crumpled(inflation)
+    f, middle, h = evaluated(forces, state), state.particle_q.numpy().copy(), 1e-5
+    assert np.array_equal(f[:9], np.zeros((9, 3)))  # the open cloth
+    assert np.linalg.norm(f) > 0.1
+    for x in np.random.default_rng(1).normal(size=(5, *f.shape)):
+        energies = []
+        for sign in (1.0, -1.0):
+            state.particle_q.assign(middle + sign * h * x)
+            energies.append(forces.energy(state)["pressure"])
+        assert -np.sum(f * x) == pytest.approx((energies[0] - energies[1]) / (2.0 * h), rel=1e-6)
+    scale = np.abs(f).sum()
+    assert np.abs(f.sum(axis=0)).max() <= 1e-13 * scale
+    assert np.abs(np.cross(middle, f).sum(axis=0)).max() <= 1e-13 * scale
+
+
+def test_matrix_of_a_gas_is_its_resistance_to_changes_of_volume():
+    forces, state = crumpled(KINDS[1])
+    model, rng = forces.model, np.random.default_rng(2)
+    at = Linearization(state, 2.0, 0.0, model.array([1.0], model.real))
+    gradient = evaluated(crumpled(wc.Inflation(1.0))[0], state)
+    volume = np.einsum("ni,ni->", state.particle_q.numpy(), gradient) / 3.0
+    rest = model.bags["volume"][0]
+    x, out = rng.normal(size=gradient.shape), wp.zeros_like(model.particle_q)
+    forces.hessian_product(at, model.array(x, model.vec3), out)
+    stiffness = 2.0 * 2500.0 * rest / volume**2
+    expected = stiffness * np.sum(gradient * x) * gradient
+    assert np.abs(out.numpy() - expected).max() <= 1e-10 * np.abs(expected).max()
+    blocks = wp.zeros(model.particle_count, dtype=model.kernels.precision.mat33)
+    forces.hessian_diagonal(at, blocks)
+    expected = stiffness * np.einsum("ni,nj->nij", gradient, gradient)
+    assert np.abs(blocks.numpy() - expected).max() <= 1e-10 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("inward", [False, True])
+def test_balloon_grows_as_laplace_says(inward):
+    """Tension p R/2 strains a membrane with ν = 1/3 by p R (1 − ν)/(2 Y): 0.83 %, up to 1 % of that for the mesh."""
+    model = wc.Model.build(bag(wc.Inflation(100.0), 2, inward), precision="float64")
+    simulation = wc.Simulation(model, "implicit_euler", gravity=(0, 0, 0), substeps=4, contact="none")
+    simulation.run(8, 60.0)
+    radius = np.linalg.norm(simulation.state.particle_q.numpy(), axis=1)
+    strain = radius.mean() / 0.1 - 1.0
+    assert strain == pytest.approx(100.0 * 0.1 * (1.0 + strain) ** 2 * (2.0 / 3.0) / (2.0 * 400.0), rel=0.05)
+
+
+@pytest.mark.parametrize("integrator", ["symplectic_euler", "implicit_euler", "xpbd"])
+def test_gas_obeys_boyle_and_every_kind_of_scheme_has_it(integrator):
+    """A bag with 1 kPa too much swells until the gas holds the membrane: p V = const against the energy's slope."""
+    cloth = bag(wc.Inflation(1000.0, gas=True, ambient=20000.0), 1)
+    simulation = wc.Simulation(
+        wc.Model.build(cloth, precision="float64"), integrator, gravity=(0, 0, 0), substeps=100, contact="none"
+    )
+    simulation.run(20, 60.0)
+    q = simulation.state.particle_q.numpy()
+    a, b, c = (q[cloth.triangles[:, i]] for i in range(3))
+    ratio = np.einsum("ti,ti->", a, np.cross(b, c)) / 6.0 / simulation.model.bags["volume"][0]
+    pressure = 21000.0 / ratio - 20000.0
+    strain = np.linalg.norm(q, axis=1).mean() / 0.1 - 1.0
+    assert ratio > 1.02
+    assert strain == pytest.approx(pressure * 0.1 * (1.0 + strain) ** 2 * (2.0 / 3.0) / (2.0 * 400.0), rel=0.1)
+
+
+def test_captured_frames_equal_plain_ones():
+    results = []
+    for graph in (True, False):
+        simulation = wc.Simulation(wc.Model.build(bag(KINDS[1])), substeps=100, contact="none", graph=graph)
+        simulation.run(5)
+        results.append(simulation.state.particle_q.numpy())
+    assert np.array_equal(*results)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: wc.Inflation(float("nan")), "Inflation: pressure must be a finite number"),
+        (lambda: wc.Inflation(-2e5, gas=True), "Inflation: pressure must be a number of at least -101325"),
+        (lambda: wc.Inflation(1.0, ambient=0.0), "Inflation: ambient must be a number greater than 0"),
+        (
+            lambda: wc.Cloth.from_mesh(trimesh.creation.icosphere(1).submesh([range(20)])[0], inflation=KINDS[0]),
+            "inflation needs a closed surface, and this one has",
+        ),
+    ],
+)
+def test_bad_input_is_one_sentence(call, sentence):
+    with pytest.raises(InputError) as caught:
+        call()
+    assert sentence in str(caught.value)
+
+
+def test_scene_inflates_a_mesh(tmp_path):
+    trimesh.creation.icosphere(1, 0.1).export(tmp_path / "ball.ply")
+    text = '[[cloth]]\nshape = "mesh"\npath = "ball.ply"\ninflation = { pressure = 300, gas = true }'
+    (cloth,), _ = scene_from_toml(text, folder=tmp_path).build()
+    assert cloth.inflation == wc.Inflation(300.0, gas=True)
