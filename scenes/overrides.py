@@ -29,10 +29,20 @@ def apply_overrides(data: dict[str, Any], assignments: Iterable[str]) -> None:
         keys = [key.strip() for key in path.split(".")]
         if not equals or not all(keys) or len(keys) > DEEPEST:
             raise SceneError(f"{shorten(assignment)!r} is not of the form path=value, e.g. cloth.0.size=[1, 1]")
-        parent = data
-        for depth, key in enumerate(keys[:-1]):
-            parent = _step(parent, key, keys[: depth + 1])
-        _assign(parent, keys, parse_value(value, path.strip()))
+        assign(data, ".".join(keys), parse_value(value, path.strip()))
+
+
+def assign(data: dict[str, Any], path: str, value: Any) -> None:
+    """Put a value at a dotted path of the raw tables of a scene.
+
+    Raises:
+        SceneError: The path leads nowhere.
+    """
+    keys = path.split(".")
+    parent = data
+    for depth, key in enumerate(keys[:-1]):
+        parent = _step(parent, key, keys[: depth + 1])
+    _assign(parent, keys, value)
 
 
 def parse_value(text: str, path: str) -> Any:

@@ -155,13 +155,14 @@ def check_start(model: Model, state: State) -> None:
     """
     depths = penetration_depths(model, state)
     depths = np.where(model.particle_inv_mass.numpy() > 0.0, depths, 0.0)
-    for cloth in model.cloths:
-        own = depths[cloth.start : cloth.stop]
-        if own.size and own.max() > DEEP_START:
-            raise BadStartError(
-                f"Cloth '{cloth.name}' starts inside an obstacle: {int((own > DEEP_START).sum())} particles, up to "
-                f"{own.max():.3g} m deep; move the cloth or the obstacle apart."
-            )
+    inside = [cloth for cloth in model.cloths if depths[cloth.start : cloth.stop].max(initial=0.0) > DEEP_START]
+    if inside:
+        own = depths[inside[0].start : inside[0].stop]
+        raise BadStartError(
+            f"Cloth '{inside[0].name}' starts inside an obstacle: {int((own > DEEP_START).sum())} particles, up to "
+            f"{own.max():.3g} m deep; move the cloth or the obstacle apart.",
+            tuple(sorted({cloth.world for cloth in inside})),
+        )
 
 
 def check_start_intersections(model: Model, state: State) -> None:
@@ -177,7 +178,8 @@ def check_start_intersections(model: Model, state: State) -> None:
         where = f" of world {world}" if model.world_count > 1 else ""
         raise BadStartError(
             f"Cloth{where} starts intersecting: {counts[world]} pairs of triangles of {names} cross; move the cloths "
-            'apart, or simulate with contact="obstacles".'
+            'apart, or simulate with contact="obstacles".',
+            tuple(np.flatnonzero(counts).tolist()),
         )
 
 

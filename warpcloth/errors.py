@@ -35,19 +35,19 @@ class MissingExtraError(WarpclothError, ImportError):
 
 
 class SimulationError(WarpclothError):
-    """The simulation itself failed."""
-
-
-class DivergedError(SimulationError):
-    """Positions or velocities became non-finite or absurdly large.
+    """The simulation itself failed.
 
     Attributes:
-        worlds: the worlds in which they did; empty where that is not known.
+        worlds: the worlds in which it did; empty where that is not known.
     """
 
     def __init__(self, message: str, worlds: tuple[int, ...] = ()):
         super().__init__(message)
         self.worlds = worlds
+
+
+class DivergedError(SimulationError):
+    """Positions or velocities became non-finite or absurdly large."""
 
 
 class StepSizeError(SimulationError):

@@ -14,16 +14,17 @@ KINDS = {"cloth": CLOTHS, "obstacle": OBSTACLES}  # lists whose tables are told 
 LONGEST_VALUE = 40
 
 
-def explain(error: ValidationError) -> str:
+def explain(error: ValidationError, whole: str = "the scene") -> str:
     """One sentence on the first problem, and how many others there are.
 
     Args:
-        error: What validating a scene raised.
+        error: What validating raised.
+        whole: What was validated.
     """
     problems = error.errors(include_url=False)
     count = len(problems) - 1 + sum(p.get("ctx", {}).get("more", 0) for p in problems)
     more = f" (and {count} more {'problem' if count == 1 else 'problems'})" if count else ""
-    return _sentence(problems[0]) + more
+    return _sentence(problems[0], whole) + more
 
 
 def suggest(word: Any, known: Sequence[str]) -> str:
@@ -59,7 +60,7 @@ def shown(value: Any) -> str:
     return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 1] + "…"
 
 
-def _sentence(problem: Mapping[str, Any]) -> str:
+def _sentence(problem: Mapping[str, Any], whole: str) -> str:
     kind, found, context = problem["type"], problem["input"], problem.get("ctx", {})
     where = dotted(problem["loc"])
     if kind == "unknown_key":
@@ -71,11 +72,11 @@ def _sentence(problem: Mapping[str, Any]) -> str:
         return f"the key {where!r} is missing"
     if kind.startswith("union_tag"):
         return _wrong_shape(where, problem["loc"][0], found)
-    subject = where or "the scene"
+    subject = where or whole
     if kind == "scene_value":
         # Of a table the phrase says all there is to say; of a single value it helps to see it.
-        whole = isinstance(found, Mapping) or not problem["loc"]
-        return f"{subject} {context['phrase']}" + ("" if whole else f", not {shown(found)}")
+        said = isinstance(found, Mapping) or not problem["loc"]
+        return f"{subject} {context['phrase']}" + ("" if said else f", not {shown(found)}")
     hint = f"; write [[{where}]] above it" if kind == "list_type" and where in KINDS else _closest(kind, found, context)
     return f"{subject} must be {_wanted(kind, context)}, not {shown(found)}{hint}"
 

@@ -1,0 +1,124 @@
+"""What a batch will do: how many processes and worlds, and what it will take."""
+
+import time
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import warp as wp
+
+from ..errors import WarpclothError
+from ..model import find_device
+from ..scenes.built import BuiltScene, make_model, make_simulation
+from .folder import BatchFolder
+from .pool import processors
+from .prepared import prepare
+from .sweep import Sweep
+
+# Particles stepped together: enough that launching kernels costs little beside running them, see benchmarks/README.md.
+CPU_PARTICLES, GPU_PARTICLES = 16_384, 1_048_576
+MOST_WORLDS = 1024
+PROBES = 3  # samples of which one can be simulated, hopefully
+PROBE_SECONDS = 2.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a batch will do.
+
+    Attributes:
+        samples: number of all. finished: of those that are complete already.
+        workers: processes. worlds: most samples stepped together in each. gpus: GPUs divided among the workers.
+        particles: of one sample. frames: most frames of one sample.
+        bytes: about what is written for all samples that are left.
+        seconds: about the wall time for those; None if it has not been estimated.
+    """
+
+    samples: int
+    finished: int
+    workers: int
+    worlds: int
+    gpus: int
+    particles: int
+    frames: int
+    bytes: int
+    seconds: float | None = None
+
+    @property
+    def left(self) -> int:
+        """Number of samples to simulate."""
+        return self.samples - self.finished
+
+    def as_dict(self) -> dict[str, Any]:
+        """The attributes by name."""
+        return asdict(self)
+
+
+def make_plan(
+    sweep: Sweep, folder: BatchFolder, workers: int | None, worlds: int | None, *, estimate: bool = False
+) -> Plan:
+    """The plan for what is left of a sweep.
+
+    Args:
+        sweep: the sweep.
+        folder: where its samples go.
+        workers: processes, worlds: samples stepped together; None for what suits the machine and the scene.
+        estimate: whether to find out how long it takes, by simulating a few frames.
+
+    Raises:
+        InputError: there is no such device.
+    """
+    device = sweep.base["simulation"]["device"]
+    found = find_device(None if device == "auto" else device)
+    gpus = wp.get_cuda_device_count() if found.is_cuda and device == "auto" else 0
+    particles, frames = _size(sweep)
+    room = GPU_PARTICLES if found.is_cuda else CPU_PARTICLES
+    finished = len(folder.finished())
+    left = sweep.count - finished
+    workers = workers or ((gpus or 1) if found.is_cuda else processors())
+    worlds = worlds or max(1, min(MOST_WORLDS, room // max(1, particles)))
+    seconds = _frame_seconds(sweep) * frames * left / workers if estimate else None
+    size = _sample_bytes(sweep, particles, frames)
+    return Plan(sweep.count, finished, workers, worlds, gpus, particles, frames, size * left, seconds)
+
+
+def _size(sweep: Sweep) -> tuple[int, int]:
+    """Particles and frames of one of the first samples that can be built; obstacles are left alone."""
+    for index in range(min(PROBES, sweep.count)):
+        scene = sweep.sample(index).scene
+        try:
+            built = BuiltScene.of(scene.changed({"obstacle": []}))
+        except WarpclothError:
+            continue
+        points = [built.network.points] if built.network is not None else [cloth.points for cloth in built.cloths]
+        return sum(map(len, points)), scene.frames
+    return 0, sweep.sample(0).scene.frames
+
+
+def _frame_seconds(sweep: Sweep) -> float:
+    """Wall time of a frame of a sample alone [s], on average over the first ones of one of the first samples.
+
+    Raises:
+        WarpclothError: none of these can be simulated.
+    """
+    for index in range(min(PROBES, sweep.count)):
+        try:
+            prepared = prepare(sweep.sample(index))
+            break
+        except WarpclothError:
+            if index + 1 == min(PROBES, sweep.count):
+                raise
+    simulation = make_simulation([prepared.built], make_model([prepared.built]))
+    for _ in range(2):  # the first loads the kernels, the second captures the graph
+        simulation.step(1.0 / prepared.scene.fps)
+    begun, frames = time.perf_counter(), 0
+    while frames < prepared.scene.frames and time.perf_counter() - begun < PROBE_SECONDS:
+        simulation.step(1.0 / prepared.scene.fps)
+        frames += 1
+    return (time.perf_counter() - begun) / max(1, frames)
+
+
+def _sample_bytes(sweep: Sweep, particles: int, frames: int) -> int:
+    """Of one sample, about: points, velocities and normals of each frame, and what does not move."""
+    outputs = sweep.table.outputs
+    poses = (frames + 1) * ("frames" in outputs) + ("pose" in outputs)
+    return 40_000 + particles * (36 * poses + 60 * ("strain" in outputs) + 100)

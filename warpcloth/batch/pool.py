@@ -1,0 +1,180 @@
+"""Many workers on this machine: who does what, and what happens to the work of those that die."""
+
+import multiprocessing
+import os
+import time
+from collections.abc import Iterator
+from multiprocessing.connection import wait
+from typing import Any
+
+from ..errors import SimulationError
+from .extra import needed
+from .folder import BatchFolder
+from .job import Outcome, fail
+from .queue import Queue
+from .sweep import Sweep
+from .worker import serve
+
+LOOK = 0.5  # [s] between looks at the workers' memory and time
+GRACE = 30.0  # [s] beyond a sample's own limit before a worker that says nothing is ended
+PATIENCE = 3  # deaths of a worker with one and the same sample alone, after which the sample has failed
+FUTILE = 20  # deaths of workers in a row without a sample finished, after which the batch gives up
+
+
+class Worker:
+    """A process, and the samples it is at.
+
+    Args:
+        folder: of the batch.
+        gpu: number of the GPU that it shall see; None for all there are.
+    """
+
+    def __init__(self, folder: BatchFolder, gpu: int | None):
+        context = multiprocessing.get_context("spawn")
+        self.connection, other = context.Pipe()
+        self.process = context.Process(target=serve, args=(other, str(folder.path), gpu), daemon=True)
+        self.process.start()
+        other.close()
+        self.gpu = gpu
+        self.job: list[int] = []
+        self.idle = False  # ready for a job; a new process is not yet
+        self.ended_for = ""  # the sentence if it was ended for a limit
+        self.heard = time.monotonic()
+
+    @property
+    def memory(self) -> int:
+        """Resident memory [bytes]; 0 once it is gone."""
+        psutil = needed("psutil")
+        try:
+            return psutil.Process(self.process.pid).memory_info().rss
+        except psutil.Error:
+            return 0
+
+    def give(self, job: list[int]) -> None:
+        """Sends it samples to simulate."""
+        self.job, self.idle, self.heard = list(job), False, time.monotonic()
+        self.connection.send(job)
+
+    def end(self, why: str = "") -> None:
+        """Ends the process at once; what it was writing stays in the partial folder."""
+        self.ended_for = self.ended_for or why
+        self.process.kill()
+
+
+class LocalPool:
+    """Simulates samples with processes of this machine.
+
+    Args:
+        sweep: whose samples.
+        folder: where they go; this process holds its lock.
+        queue: what is to be done.
+        workers: number of processes.
+        gpus: number of GPUs to divide among them; 0 leaves that to the scene.
+    """
+
+    def __init__(self, sweep: Sweep, folder: BatchFolder, queue: Queue, workers: int, gpus: int = 0):
+        self.sweep, self.folder, self.queue = sweep, folder, queue
+        self.wanted, self.gpus = workers, gpus
+        self.workers: list[Worker] = []
+        self.deaths: dict[int, int] = {}
+        self.futile = 0
+        limits = sweep.table.limits
+        self.seconds = limits.seconds
+        total = needed("psutil").virtual_memory().total
+        self.memory = limits.memory_mib * 2**20 if limits.memory_mib is not None else 0.9 * total / workers
+
+    def run(self) -> Iterator[Outcome | None]:
+        """Yields each outcome as it comes, and None in between, so that the caller can look at the clock.
+
+        Raises:
+            SimulationError: nothing can be written any more, or workers die without end.
+        """
+        try:
+            while self.queue or any(worker.job for worker in self.workers):
+                self._hire()
+                for outcome in self._listen():
+                    self.futile = 0
+                    yield outcome
+                self._enforce_limits()
+                yield None
+        finally:
+            for worker in self.workers:
+                worker.end()
+            for worker in self.workers:
+                worker.process.join()
+
+    def _hire(self) -> None:
+        """As many workers as there is work for; work for those that have none."""
+        busy = sum(bool(worker.job) for worker in self.workers)
+        while len(self.workers) < min(self.wanted, busy + len(self.queue)):
+            seen = {worker.gpu for worker in self.workers}
+            free = [gpu for gpu in range(self.gpus) if gpu not in seen] or [len(self.workers) % max(1, self.gpus)]
+            self.workers.append(Worker(self.folder, free[0] if self.gpus else None))
+        for worker in self.workers:
+            if worker.idle and self.queue:
+                job = self.queue.take()
+                try:
+                    worker.give(job)
+                except OSError:  # it has died, which _listen finds out; it has the job as long as that
+                    continue
+
+    def _listen(self) -> Iterator[Outcome]:
+        connections: dict[Any, Worker] = {worker.connection: worker for worker in self.workers}
+        for connection in wait(list(connections), timeout=LOOK):
+            worker = connections[connection]
+            try:
+                while worker.connection.poll():
+                    yield from self._hear(worker, *worker.connection.recv())
+            except (EOFError, OSError):
+                yield from self._bury(worker)
+
+    def _hear(self, worker: Worker, what: str, message: Any) -> Iterator[Outcome]:
+        worker.heard = time.monotonic()
+        if what == "broken":
+            raise SimulationError(message)
+        if what == "outcome":
+            worker.job.remove(message.index)
+            yield message
+        if what == "idle":
+            worker.job, worker.idle = [], True
+
+    def _enforce_limits(self) -> None:
+        for worker in self.workers:
+            if worker.job and worker.memory > self.memory:
+                worker.end(f"It needed more than {self.memory / 2**20:,.0f} MiB of memory.")
+            elif worker.job and self.seconds is not None and time.monotonic() - worker.heard > self.seconds + GRACE:
+                worker.end(f"It took longer than {self.seconds:g} s.")
+
+    def _bury(self, worker: Worker) -> Iterator[Outcome]:
+        """The samples of a worker that died go back to the queue, in smaller groups; one alone fails in the end."""
+        self.workers.remove(worker)
+        worker.process.join()
+        self.futile += 1
+        if self.futile > FUTILE:
+            raise SimulationError(f"Workers die before they finish anything (exit code {worker.process.exitcode}).")
+        left = []
+        for index in worker.job:
+            if self.folder.place(index).is_dir():  # it died before it could say so
+                yield Outcome(index, self.folder.metrics(index).get("reason"), 0.0)
+            else:
+                left.append(index)
+        reason = self._verdict(worker, left)
+        if reason:
+            fail(self.folder, self.sweep.sample(left[0]), reason)
+            yield Outcome(left[0], reason, 0.0)
+        else:
+            self.queue.put_back(left)
+
+    def _verdict(self, worker: Worker, left: list[int]) -> str:
+        """Why the one sample left has failed, if it has."""
+        if len(left) != 1:
+            return ""
+        self.deaths[left[0]] = self.deaths.get(left[0], 0) + 1
+        if worker.ended_for or self.deaths[left[0]] < PATIENCE:
+            return worker.ended_for
+        return f"The process that simulated it died {PATIENCE} times (exit code {worker.process.exitcode})."
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

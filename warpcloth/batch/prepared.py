@@ -1,0 +1,114 @@
+"""Samples made ready to be simulated, and which of them can share a model."""
+
+import json
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+from .. import stability
+from ..cloth import Cloth
+from ..integrators import INTEGRATORS, make_integrator
+from ..motion import Motion
+from ..scenes import Scene
+from ..scenes.built import BuiltScene, make_model
+from ..simulation import MAX_SUBSTEPS
+from .sweep import Sample
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A sample with its meshes read and its substeps fixed, so that nothing about it depends on its neighbours.
+
+    Attributes:
+        sample: the sample.
+        built: its scene, as the simulator takes it; ``substeps`` is a number.
+    """
+
+    sample: Sample
+    built: BuiltScene
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, with its substeps."""
+        return self.built.scene
+
+    @cached_property
+    def companions(self) -> str:
+        """Samples in which this is the same can be worlds of one model, and are each what they are alone."""
+        scene = self.scene
+        coupled = scene.network is not None or INTEGRATORS[scene.simulation.integrator].couples_worlds
+        options = scene.simulation.model_dump(mode="json", exclude={"gravity"})
+        thickness = [max((c.fabric.thickness for c in self.built.cloths), default=0.0)]  # contact looks as far as these
+        thickness += [max((o.thickness for o in self.built.obstacles), default=0.0)]
+        alone = self.sample.index if coupled else None
+        return json.dumps([scene.fps, options, thickness, alone], sort_keys=True)
+
+    @cached_property
+    def last_motion(self) -> float:
+        """When the last prescribed motion of a pin or an obstacle ends [s]; infinite if it repeats itself."""
+        times = [0.0, *(_end(obstacle.motion) for obstacle in self.built.obstacles if obstacle.motion is not None)]
+        times += [_end(pin.motion) for cloth in self.built.cloths for pin in cloth.pins if pin.motion is not None]
+        samples = [getattr(obstacle, "sample_times", None) for obstacle in self.built.obstacles]
+        return max([*times, *(float(own[-1]) for own in samples if own is not None)])
+
+
+def prepare(sample: Sample) -> Prepared:
+    """Reads the sample's meshes and fixes its substeps.
+
+    Automatic substeps are rounded up to four significant binary digits (on average by 4 %), so that samples of much the
+    same fabric can be stepped together.
+
+    Raises:
+        InputError: a mesh that cannot be read, …
+        SimulationError: it would need too many substeps.
+    """
+    built = BuiltScene.of(sample.scene)
+    options = sample.scene.simulation
+    if options.substeps != "auto":
+        return Prepared(sample, built)
+    if built.network is None:
+        facts = sample.scene.model_dump(mode="json", include={"cloth", "simulation", "fps", "seed"})
+        if all(table.jitter == 0.0 for table in sample.scene.cloth):
+            del facts["seed"]
+        substeps = _substeps(json.dumps(facts, sort_keys=True), _Cloths(built.cloths, sample.scene))
+    else:
+        substeps = _needed(BuiltScene(sample.scene, [], [], built.network))
+    scene = sample.scene.changed({"simulation.substeps": rounded_up(substeps)})
+    return Prepared(sample, BuiltScene(scene, built.cloths, built.obstacles, built.network))
+
+
+def rounded_up(substeps: int) -> int:
+    """The next number with at most four significant binary digits."""
+    unit = 1 << max(0, substeps.bit_length() - 4)
+    return min(MAX_SUBSTEPS, -(-substeps // unit) * unit)
+
+
+class _Cloths:
+    """Cloths that a cache does not look at: the text beside them says what they are."""
+
+    def __init__(self, cloths: list[Cloth], scene: Scene):
+        self.cloths, self.scene = cloths, scene
+
+    def __eq__(self, other: Any) -> bool:
+        return isinstance(other, _Cloths)
+
+    def __hash__(self) -> int:
+        return 0
+
+
+@lru_cache(maxsize=256)
+def _substeps(facts: str, cloths: _Cloths) -> int:
+    """Automatic substeps; obstacles have no say in them."""
+    return _needed(BuiltScene(cloths.scene, cloths.cloths, [], None))
+
+
+def _needed(built: BuiltScene) -> int:
+    options = built.scene.simulation
+    model = make_model([built])
+    integrator = make_integrator(options.integrator, model, options.integrator_options)
+    return stability.substeps_for(model, integrator, 1.0 / built.scene.fps, MAX_SUBSTEPS)
+
+
+def _end(motion: Motion) -> float:
+    return math.inf if motion.loop and len(motion.times) > 1 else float(motion.times[-1])

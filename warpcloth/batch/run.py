@@ -1,0 +1,129 @@
+"""A batch from beginning to end, and what can be said of one at any time."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from .assembly import write_assembly
+from .folder import BatchFolder
+from .job import Outcome
+from .manifest import write_manifest
+from .plan import Plan, make_plan
+from .pool import LocalPool
+from .queue import Queue
+from .sweep import Sweep
+
+RECENT = 64  # samples over which the rate is taken
+
+
+@dataclass(frozen=True)
+class Status:
+    """How far a batch is.
+
+    Attributes:
+        folder: of the batch. samples: number of all. done, failed: of those that are complete.
+        running: whether a batch is at work in the folder.
+        samples_per_minute: lately; None if fewer than two are complete.
+        seconds_left: at that rate; None if it is not known.
+        reasons: why samples failed, and how many each.
+    """
+
+    folder: Path
+    samples: int
+    done: int
+    failed: int
+    running: bool
+    samples_per_minute: float | None
+    seconds_left: float | None
+    reasons: dict[str, int]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The attributes by name."""
+        return asdict(self)
+
+
+def run_batch(
+    sweep: Sweep,
+    path: str | Path,
+    *,
+    workers: int | None = None,
+    worlds: int | None = None,
+    ray: str | None = None,
+    retry_failed: bool = False,
+    on_progress: Callable[[Plan, Outcome | None], None] | None = None,
+) -> Status:
+    """Simulates what is left of a sweep.
+
+    Args:
+        sweep: the sweep; all of its samples are valid scenes.
+        path: folder of the batch; made if need be.
+        workers: processes, worlds: samples stepped together in each; None for what suits the machine and the scene.
+        ray: address of a Ray cluster to run on, such as "auto".
+        retry_failed: whether to try again what has failed before.
+        on_progress: called twice a second, and with each outcome.
+
+    Raises:
+        InputError: the folder belongs to another sweep, another batch is at work in it, the disk is full, …
+        SimulationError: the batch as a whole cannot go on. What is complete stays.
+    """
+    folder = BatchFolder(path)
+    with folder.locked():
+        folder.claim(sweep)
+        folder.sweep_up()
+        if retry_failed:
+            folder.forget_failed()
+        plan = make_plan(sweep, folder, workers, worlds)
+        folder.check_space(plan.bytes)
+        try:
+            for outcome in _outcomes(sweep, folder, plan, ray):
+                if on_progress is not None:
+                    on_progress(plan, outcome)
+        finally:
+            folder.sweep_up()
+            index_batch(folder)
+        return status_of(folder, running=False)
+
+
+def index_batch(folder: BatchFolder) -> list[Path]:
+    """Writes the manifest and the assembly anew from the folders of the samples; returns what it wrote."""
+    return [*write_manifest(folder), *([assembly] if (assembly := write_assembly(folder)) else [])]
+
+
+def status_of(folder: BatchFolder, running: bool | None = None) -> Status:
+    """How far the batch in a folder is.
+
+    Raises:
+        InputError: it is not the folder of a batch.
+    """
+    count = folder.sweep.count
+    finished = folder.finished()
+    reasons = Counter(facts["reason"] for i in finished if (facts := folder.metrics(i))["status"] == "failed")
+    rate = _rate(folder, finished)
+    left = count - len(finished)
+    return Status(
+        folder=folder.path,
+        samples=count,
+        done=len(finished) - reasons.total(),
+        failed=reasons.total(),
+        running=folder.busy if running is None else running,
+        samples_per_minute=None if rate is None else 60.0 * rate,
+        seconds_left=0.0 if left == 0 else None if rate is None else left / rate,
+        reasons=dict(reasons.most_common()),
+    )
+
+
+def _outcomes(sweep: Sweep, folder: BatchFolder, plan: Plan, ray: str | None) -> Iterator[Outcome | None]:
+    finished = set(folder.finished())
+    left = [index for index in range(sweep.count) if index not in finished]
+    queue = Queue(left, plan.worlds, plan.workers)
+    yield from LocalPool(sweep, folder, queue, plan.workers, plan.gpus).run()
+
+
+def _rate(folder: BatchFolder, finished: list[int]) -> float | None:
+    """Samples per second, by the times at which the latest ones came into place."""
+    times = sorted(folder.place(index).stat().st_mtime for index in finished)[-RECENT:]
+    if len(times) < 2 or times[-1] <= times[0]:
+        return None
+    return (len(times) - 1) / max(times[-1] - times[0], 1e-9)

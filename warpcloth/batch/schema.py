@@ -1,0 +1,99 @@
+"""The schema of sweep files."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from ..scenes.schema.table import Choice, Table, choice, field
+from ..scenes.schema.values import Number, Text, Vector, positive, refuse
+
+ANY = Number("", -1e12, 1e12)
+SHARE = positive("", 1e12)
+Bounds = Vector("low high", ANY)
+
+
+class ParameterTable(Choice):
+    """A field of the scene that differs between samples; say how in exactly one way."""
+
+    path: Annotated[str, Text(r"[^\s.]+(\.[^\s.]+)*", "the dotted path of a field, e.g. 'cloth.0.position.2'", 500)] = (
+        field(..., "Field of the scene, as for `--set`: `cloth.0.fabric`, `obstacle.ball.radius`, `seed`.")
+    )
+    values: Annotated[list[Any], Field(min_length=1, max_length=1_000_000)] | None = choice(
+        "These values, equally often on average; whole tables, too, such as an obstacle, or names of fabrics."
+    )
+    range: Annotated[tuple[float, float, float], Vector("first last count", ANY)] | None = choice(
+        "So many values from first to last, evenly spaced."
+    )
+    uniform: Annotated[tuple[float, float], Bounds] | None = choice("Uniformly distributed between two bounds.")
+    log_uniform: Annotated[tuple[float, float], Vector("low high", SHARE)] | None = choice(
+        "So distributed that the logarithm is uniform; for stiffnesses and sizes."
+    )
+    normal: Annotated[tuple[float, float], Vector("mean deviation", ANY)] | None = choice(
+        "Normally distributed, at most four standard deviations from the mean."
+    )
+    glob: Annotated[str, Text("", "a pattern of file names such as 'meshes/*.obj'", 4096)] | None = choice(
+        "Files that match a pattern, relative to the sweep file; each is a value, in the order of their names."
+    )
+    weights: list[Annotated[float, SHARE]] | None = field(None, "How often each of `values` comes, relative to others.")
+    whole: bool = field(False, "Whether to round to whole numbers.")
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        bounds = self.uniform or self.log_uniform
+        if bounds is not None and not bounds[0] < bounds[1]:
+            raise refuse(f"must have a lower bound below the upper one, not [{bounds[0]:g}, {bounds[1]:g}]")
+        if self.range is not None and not (self.range[2] >= 1 and float(self.range[2]).is_integer()):
+            raise refuse(f"must have a whole number of values in its range, at least 1, not {self.range[2]:g}")
+        if self.normal is not None and self.normal[1] < 0.0:
+            raise refuse(f"must have a standard deviation of 0 or more, not {self.normal[1]:g}")
+        if self.weights is not None and len(self.weights) != len(self.values or ()):
+            raise refuse(f"must have as many weights as values, not {len(self.weights)} for {len(self.values or ())}")
+        return self
+
+
+class LimitsTable(Table):
+    """What a single sample may take; one that takes more fails, and the others go on."""
+
+    seconds: Annotated[float, positive("s", 1e7)] | None = field(None, "Wall time.")
+    memory_mib: Annotated[float, positive("MiB", 1e9)] | None = field(
+        None, "Memory of the process that simulates it; by default the machine's, divided among the workers."
+    )
+
+
+class SweepTable(Table):
+    """A sweep: a scene, what differs between samples, how many there are, and what is kept of each."""
+
+    title: Annotated[str, Text(most=200)] = field("", "One line for people.")
+    scene: Annotated[str, Text("", "the name of a bundled scene or the path of a scene file", 4096)] = field(
+        ..., "Bundled scene, or scene file relative to the sweep file."
+    )
+    count: Annotated[int, Number("", 1, 10_000_000, whole=True)] | None = field(
+        None, "Number of samples; by default once each combination of a grid."
+    )
+    design: Literal["random", "sobol", "latin_hypercube", "grid"] = field(
+        "random",
+        "How parameters are combined: at random, in a scrambled Sobol sequence, in a Latin hypercube, or all values "
+        "with all others (distributions are then drawn at random).",
+    )
+    seed: Annotated[int, Number("", 0, 2**32 - 1, whole=True)] = field(
+        0, "Seed of all draws; each scene gets a seed of its own from it."
+    )
+    outputs: list[Literal["pose", "frames", "strain"]] = field(
+        ["pose"], "What is kept besides scene and metrics: last frame, all frames, strain of each spring."
+    )
+    stop_at_rest: bool = field(True, "Whether a sample ends when its cloth rests, even before its last frame.")
+    check: bool = field(
+        False, "Whether what was written is checked as by `warpcloth check`; a sample that fails is failed."
+    )
+    limits: LimitsTable = field(LimitsTable(), "What a sample may take.")
+    parameter: list[ParameterTable] = Field([], description="What differs between samples.", max_length=1000)
+
+    @model_validator(mode="after")
+    def _counted(self) -> Self:
+        if self.design != "grid" and self.count is None:
+            raise refuse("must have a count unless its design is 'grid'")
+        paths = [parameter.path for parameter in self.parameter]
+        twice = next((path for path in paths if paths.count(path) > 1), None)
+        if twice is not None:
+            raise refuse(f"must have only one [[parameter]] for {twice!r}")
+        return self

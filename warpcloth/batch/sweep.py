@@ -1,0 +1,172 @@
+"""A sweep: what its file says, frozen, and each of its samples as a scene."""
+
+import copy
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from .. import __version__
+from ..errors import SceneError
+from ..scenes import Scene, load_scene
+from ..scenes.load import bundled_scenes, parse_toml, read_text, scene_from_data
+from ..scenes.overrides import apply_overrides, assign
+from ..scenes.schema import explain, suggest
+from .draws import coordinates, grid_coordinates, value_at
+from .schema import ParameterTable, SweepTable
+
+FORMAT = 1  # of the frozen sweep; another one means that samples would differ
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One drape of a sweep.
+
+    Attributes:
+        index: its number, from 0.
+        parameters: value of each parameter by its path.
+        scene: the scene that it is.
+    """
+
+    index: int
+    parameters: dict[str, Any]
+    scene: Scene
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep that depends on no file any more but the meshes.
+
+    Attributes:
+        name: of the sweep file, without the ending.
+        table: what the file says, with patterns of files replaced by the files.
+        base: the scene's tables, complete and with absolute mesh paths.
+        folder: of the sweep file, where relative mesh paths among the values start from.
+    """
+
+    name: str
+    table: SweepTable
+    base: dict[str, Any]
+    folder: Path
+
+    @cached_property
+    def coordinates(self) -> np.ndarray:
+        """Of all samples, shape [count, parameters]."""
+        table = self.table
+        if table.design == "grid":
+            return grid_coordinates(table.parameter, table.count, table.seed)
+        return coordinates(table.design, table.count or 0, len(table.parameter), table.seed)
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return len(self.coordinates)
+
+    def sample(self, index: int) -> Sample:
+        """The sample of that number.
+
+        Raises:
+            SceneError: its parameters do not make a scene.
+        """
+        pairs = zip(self.table.parameter, self.coordinates[index], strict=True)
+        parameters = {parameter.path: value_at(parameter, float(u)) for parameter, u in pairs}
+        data = copy.deepcopy(self.base)
+        data["seed"] = int(np.random.SeedSequence([self.table.seed, index]).generate_state(1)[0])
+        try:
+            for path, value in parameters.items():
+                assign(data, path, copy.deepcopy(value))
+                if isinstance(value, dict):  # a whole table: complete it, for later parameters to change
+                    data = _complete(scene_from_data(data))
+            scene = scene_from_data(_absolute(data, self.folder), name="scene", folder=Path("/"))
+        except SceneError as error:
+            raise SceneError(f"sample {index}: {error}") from None
+        return Sample(index, parameters, scene)
+
+    def check(self) -> None:
+        """Makes every sample once.
+
+        Raises:
+            SceneError: one of them is no valid scene.
+        """
+        for index in range(self.count):
+            self.sample(index)
+
+    def as_json(self) -> str:
+        """All of it as text, the same whenever the sweep is the same."""
+        facts = {"format": FORMAT, "version": __version__, "name": self.name, "folder": str(self.folder)}
+        facts |= {"sweep": self.table.model_dump(mode="json", exclude_none=True), "scene": self.base}
+        return json.dumps(facts, sort_keys=True, indent=1, ensure_ascii=False)
+
+    @staticmethod
+    def from_json(text: str) -> "Sweep":
+        """The sweep that :meth:`as_json` wrote."""
+        facts = json.loads(text)
+        table = SweepTable.model_validate(facts["sweep"])
+        return Sweep(facts["name"], table, facts["scene"], Path(facts["folder"]))
+
+    @property
+    def identity(self) -> str:
+        """A hash of all that decides what the samples are."""
+        return hashlib.sha256(self.as_json().encode()).hexdigest()
+
+
+def load_sweep(path: str | Path, overrides: Iterable[str] = ()) -> Sweep:
+    """Reads and validates a sweep file and the scene it names.
+
+    Args:
+        path: of the TOML file.
+        overrides: changes ``path=value`` of the sweep's own fields, e.g. ``count=10``.
+
+    Raises:
+        SceneError: there is no such file, or it is not a sweep; the message says where and what would be right.
+    """
+    file = Path(path).expanduser().absolute()
+    if file.suffix != ".toml" or not file.is_file():
+        near = [p.name for p in file.parent.glob("*.toml")] if file.parent.is_dir() else []
+        raise SceneError(f"there is no sweep file {str(path)!r}{suggest(file.name, near)}")
+    try:
+        data = parse_toml(read_text(file))
+        apply_overrides(data, overrides)
+        table = SweepTable.model_validate(data)
+        name = table.scene if table.scene in bundled_scenes() else str(file.parent / Path(table.scene).expanduser())
+        scene = load_scene(name)
+        parameters = [_with_files(parameter, file.parent) for parameter in table.parameter]
+    except ValidationError as error:
+        raise SceneError(f"{file.name}: {explain(error, 'the sweep')}") from None
+    except SceneError as error:
+        raise SceneError(f"{file.name}: {error}") from None
+    table = table.model_copy(update={"parameter": parameters})
+    sweep = Sweep(file.stem, table, _absolute(_complete(scene), scene.folder.absolute()), file.parent)
+    return Sweep.from_json(sweep.as_json())  # as whoever goes on with it will read it
+
+
+def _with_files(parameter: ParameterTable, folder: Path) -> ParameterTable:
+    """A pattern of files becomes the list of them."""
+    if parameter.glob is None:
+        return parameter
+    pattern = Path(parameter.glob).expanduser()
+    root = Path(pattern.anchor) if pattern.is_absolute() else folder
+    files = sorted(str(path) for path in root.glob(str(pattern.relative_to(pattern.anchor))) if path.is_file())
+    if not files:
+        raise SceneError(f"no file matches the pattern {parameter.glob!r} of the parameter {parameter.path!r}")
+    return parameter.model_copy(update={"glob": None, "values": files})
+
+
+def _complete(scene: Scene) -> dict[str, Any]:
+    """The tables of a scene with every field that has a value."""
+    return scene.model_dump(mode="json", exclude_none=True)
+
+
+def _absolute(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The same tables, with mesh paths that no longer depend on a folder."""
+    for table in (*data.get("cloth", ()), *data.get("obstacle", ())):
+        path = table.get("path") if isinstance(table, dict) else None
+        if isinstance(path, str) and not path.startswith("warp:"):
+            table["path"] = str(folder / Path(path).expanduser())
+    return data
