@@ -11,7 +11,7 @@ import warpcloth as wc
 from warpcloth.contact.fans import BROKEN, CLOSED, OPEN, fans_of
 from warpcloth.contact.pair_finder import PairFinder
 from warpcloth.contact.pair_list import PairList
-from warpcloth.contact.surface import Surface
+from warpcloth.surface import Surface
 
 MARGIN = 0.02
 

@@ -8,6 +8,7 @@ import warp as wp
 
 from .collision_shapes import CollisionShapes
 from .errors import BadStartError, DivergedError
+from .intersections import intersections
 from .kernels import KernelSet
 from .kinematics import make_tracks
 from .model import Model
@@ -166,69 +167,23 @@ def check_start(model: Model, state: State) -> None:
 
 
 def check_start_intersections(model: Model, state: State) -> None:
-    """Refuses cloth that starts intersecting itself or other cloth.
+    """Refuses cloth that starts intersecting itself, other cloth, or a box or mesh.
 
     Raises:
-        BadStartError: names the world's cloths and the number of crossing pairs of triangles.
+        BadStartError: names the world's cloths and the number of intersecting pairs of triangles.
     """
     counts = intersections(model, state)
     if counts.any():
-        world = int(np.argmax(counts))
+        world = int(np.argmax(counts.sum(axis=1)))
+        among, solid = counts[world]
         names = ", ".join(f"'{cloth.name}'" for cloth in model.cloths if cloth.world == world)
         where = f" of world {world}" if model.world_count > 1 else ""
+        what = [f"{among} with each other"] * bool(among) + [f"{solid} with triangles of obstacles"] * bool(solid)
         raise BadStartError(
-            f"Cloth{where} starts intersecting: {counts[world]} pairs of triangles of {names} cross; move the cloths "
-            'apart, or simulate with contact="obstacles".',
-            tuple(np.flatnonzero(counts).tolist()),
+            f"Cloth{where} starts intersecting: of the triangles of {names}, {' and '.join(what)}; move the cloths and "
+            'obstacles apart, or simulate with contact="obstacles".',
+            tuple(np.flatnonzero(counts.any(axis=1)).tolist()),
         )
-
-
-def count_intersections(points: Any, triangles: Any) -> int:
-    """Pairs of triangles without a common vertex that cross each other; points (n, 3) [m], triangles (m, 3)."""
-    device = wp.get_device("cpu")
-    kernels = KernelSet("float64")
-    q = wp.array(np.ascontiguousarray(points, np.float64), dtype=wp.vec3d, device=device)
-    tri = wp.array(np.ascontiguousarray(triangles, np.int32), dtype=wp.int32, device=device)
-    world = wp.zeros(len(q), dtype=wp.int32, device=device)
-    return int(_intersections(kernels, q, tri, world, 1, device).sum())
-
-
-def intersections(model: Model, state: State) -> np.ndarray:
-    """Per world: crossing pairs of cloth triangles without a common vertex, shape [world_count]."""
-    args = (state.particle_q, model.tri_indices, model.particle_world, model.world_count, model.device)
-    return _intersections(model.kernels, *args)
-
-
-def _intersections(
-    kernels: KernelSet,
-    particle_q: wp.array,
-    tri_indices: wp.array,
-    particle_world: wp.array,
-    world_count: int,
-    device: wp.Device,
-) -> np.ndarray:
-    count = wp.zeros(world_count, dtype=wp.int32, device=device)
-    tris = len(tri_indices)
-    if tris == 0:
-        return count.numpy()
-    lower = wp.zeros(tris, dtype=wp.vec3, device=device)
-    upper = wp.zeros(tris, dtype=wp.vec3, device=device)
-    wp.launch(
-        kernels.diagnostics.triangle_bounds,
-        dim=tris,
-        inputs=[tri_indices, particle_q],
-        outputs=[lower, upper],
-        device=device,
-    )
-    bvh = wp.Bvh(lower, upper)
-    wp.launch(
-        kernels.diagnostics.count_intersections,
-        dim=tris,
-        inputs=[tri_indices, particle_world, particle_q, lower, upper, bvh.id],
-        outputs=[count],
-        device=device,
-    )
-    return count.numpy()
 
 
 def measure(model: Model, state: State, time: float) -> dict[str, Any]:
@@ -236,8 +191,8 @@ def measure(model: Model, state: State, time: float) -> dict[str, Any]:
 
     Returns:
         ``time`` [s], ``mean_strain`` and ``max_strain`` (of |strain| over the structural springs [-]), ``max_speed``
-        [m/s], ``max_penetration_m`` (below the obstacles' true surfaces [m]), ``intersections`` (crossing pairs of
-        cloth triangles).
+        [m/s], ``max_penetration_m`` (of particles below the obstacles' true surfaces [m]), ``intersections`` and
+        ``obstacle_intersections`` (pairs of triangles that meet: of cloth, and of cloth with a box or mesh).
     """
     return _measures(
         time,
@@ -274,5 +229,6 @@ def _measures(
         "max_strain": float(strain.max()) if strain.size else 0.0,
         "max_speed": float(speeds.max()),
         "max_penetration_m": float(depths.max(initial=0.0)),
-        "intersections": int(crossings.sum()),
+        "intersections": int(crossings[:, 0].sum()),
+        "obstacle_intersections": int(crossings[:, 1].sum()),
     }

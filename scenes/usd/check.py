@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from ...diagnostics import PenetrationProbe, count_intersections
+from ...diagnostics import PenetrationProbe
 from ...errors import InputError, UsdError
+from ...intersections import count_intersections
 from ...obstacles import Obstacle
+from ...surface import faceted
 from .check_samples import SampleCheck
 from .check_stage import metadata_errors, range_errors, validator_errors
 from .failures import as_usd_error, quietly
@@ -57,7 +59,8 @@ class _Check:
         self.codes = sorted(set().union(*(check.codes for check in self.checks)))
         self.deepest = 0.0
         self.deepest_frame: float | None = None
-        self.intersections = 0
+        self.facets = faceted([(0, obstacle, -1) for obstacle in self.obstacles])
+        self.intersections, self.obstacle_intersections = 0, 0
 
     def report(self, every: bool) -> CheckReport:
         for code in self.codes:
@@ -74,6 +77,7 @@ class _Check:
             obstacles=len(self.obstacles),
             finite=all(check.finite for check in self.checks),
             intersections=self.intersections,
+            obstacle_intersections=self.obstacle_intersections,
             max_penetration_m=self.deepest,
             deepest_frame=self.deepest_frame,
             max_strain=max(cloth.max_strain for cloth in cloths),
@@ -99,7 +103,15 @@ class _Check:
         if crossings:
             starts = np.cumsum([0] + [len(state) for _, state in present])
             faces = [check.triangles + start for (check, _), start in zip(present, starts, strict=False)]
-            self.intersections = max(self.intersections, count_intersections(points, np.concatenate(faces)))
+            self._count_intersections(points, np.concatenate(faces), code / self.stage.GetTimeCodesPerSecond())
+
+    def _count_intersections(self, points: np.ndarray, faces: np.ndarray, t: float) -> None:
+        corners = [points, *(solid.at(t) for solid in self.facets)]
+        starts = np.cumsum([len(part) for part in corners])
+        solids = [solid.triangles + start for solid, start in zip(self.facets, starts, strict=False)]
+        cloth, solid = count_intersections(np.concatenate(corners), np.concatenate([faces, *solids]), len(faces))
+        self.intersections = max(self.intersections, cloth)
+        self.obstacle_intersections = max(self.obstacle_intersections, solid)
 
     def _cloths(self) -> list[ClothCheck]:
         """One entry for each cloth, and one for a network, whose points have no strain but its curves have."""

@@ -44,7 +44,8 @@ class CheckReport:
         particles: points of all cloths together.
         obstacles: number of colliders in the file.
         finite: whether every sample is a finite number.
-        intersections: pairs of cloth triangles that cross each other, at the worst of the frames that were looked at.
+        intersections: pairs of cloth triangles that meet, at the worst of the frames that were looked at.
+        obstacle_intersections: pairs of a cloth's triangle and one of a box or mesh that meet, likewise.
         max_penetration_m: greatest depth of a point below the surface of an obstacle at any frame [m].
         deepest_frame: time code of that, None if no point is ever inside.
         max_strain: largest |strain| of an edge at any frame.
@@ -59,6 +60,7 @@ class CheckReport:
     obstacles: int
     finite: bool
     intersections: int
+    obstacle_intersections: int
     max_penetration_m: float
     deepest_frame: float | None
     max_strain: float
@@ -86,7 +88,7 @@ class CheckReport:
             f"  samples {'are all finite' if self.finite else 'are NOT all finite'}",
             f"  largest strain {100.0 * self.max_strain:.2f} %",
             f"  deepest penetration {1e3 * self.max_penetration_m:.3f} mm{where}",
-            f"  {self.intersections} intersecting pairs of triangles",
+            f"  {self.intersections} intersecting pairs of triangles, {self.obstacle_intersections} with obstacles",
             f"  {len(self.usd_errors)} errors in the file" + (":" if self.usd_errors else ""),
         ]
         return "\n".join(lines + [f"    {error}" for error in self.usd_errors])

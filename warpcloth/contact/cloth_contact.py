@@ -13,9 +13,9 @@ import warp as wp
 from ..errors import DivergedError
 from ..model import Model
 from ..state import State
+from ..surface import Surface
 from .pair_finder import PairFinder
 from .pair_list import PairList, loop_width
-from .surface import Surface
 
 SEPARATION = 1e-6  # [m] that the guard keeps between any two; well above the rounding of float32 at a metre
 REACH = 1.25  # pairs nearer than this many contact distances are listed

@@ -6,9 +6,9 @@ import numpy as np
 import warp as wp
 
 from ..model import Model
+from ..surface import Surface
 from .fans import fans_of
 from .pair_list import PairList, loop_width
-from .surface import Surface
 
 ROOM = 0.25  # of an edge's length: how far a triangle may stray before its neighbours are looked up again
 

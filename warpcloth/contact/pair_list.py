@@ -1,6 +1,5 @@
-"""Lists of particle pairs on the device, as long as they need to be, and who owns which vertex and edge."""
+"""Lists of particle pairs on the device, as long as they need to be."""
 
-import numpy as np
 import warp as wp
 
 from ..model import Model
@@ -54,20 +53,3 @@ def loop_width(device: wp.Device) -> int:
     On the CPU an idle thread of a long kernel costs some 30 ns: more than most pairs do.
     """
     return 16 if device.is_cpu else 65_536
-
-
-def owned_features(triangles: np.ndarray) -> np.ndarray:
-    """Which vertices (bits 0 to 2) and edges k, k + 1 (bits 3 to 5) belong to each triangle, the first that has them.
-
-    Args:
-        triangles: corners, shape [m, 3].
-
-    Returns:
-        int32, shape [m]; every vertex and every edge of the mesh has exactly one owner.
-    """
-    owned = np.zeros(len(triangles), np.int32)
-    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    for features, lowest_bit in ((triangles.reshape(-1, 1), 1), (edges, 8)):
-        _, first = np.unique(features, axis=0, return_index=True)
-        np.bitwise_or.at(owned, first // 3, (lowest_bit << (first % 3)).astype(np.int32))
-    return owned

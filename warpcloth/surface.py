@@ -7,10 +7,9 @@ obstacle meet cloth just as cloth does, and cannot poke through between its part
 import numpy as np
 import warp as wp
 
-from ..model import Model
-from ..obstacles import Box, MeshObstacle, Obstacle
-from ..transforms import rotation_matrix
-from .pair_list import owned_features
+from .model import Model
+from .obstacles import Box, MeshObstacle, Obstacle
+from .transforms import apply, rotation_matrix
 
 # Corner k of a box has the signs of the bits of k (x first); two triangles a face, counter-clockwise from outside.
 _BOX_CORNERS = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)])
@@ -29,6 +28,12 @@ class Facets:
         else:
             self.local, self.triangles = obstacle.points - obstacle.centre, obstacle.triangles
             self.rest = obstacle.points
+
+    def at(self, t: float) -> np.ndarray:
+        """The corners in the world at time t [s], shape [n, 3] [m]."""
+        if isinstance(self.obstacle, MeshObstacle):
+            return self.obstacle.points_at(t)
+        return apply(self.obstacle.matrix(t), self.rest)
 
 
 def faceted(obstacles: list[tuple[int, Obstacle, int]]) -> list[Facets]:
@@ -112,3 +117,20 @@ class Surface:
             outputs=[out],
             device=self.model.device,
         )
+
+
+def owned_features(triangles: np.ndarray) -> np.ndarray:
+    """Which vertices (bits 0 to 2) and edges k, k + 1 (bits 3 to 5) belong to each triangle, the first that has them.
+
+    Args:
+        triangles: corners, shape [m, 3].
+
+    Returns:
+        int32, shape [m]; every vertex and every edge of the mesh has exactly one owner.
+    """
+    owned = np.zeros(len(triangles), np.int32)
+    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    for features, lowest_bit in ((triangles.reshape(-1, 1), 1), (edges, 8)):
+        _, first = np.unique(features, axis=0, return_index=True)
+        np.bitwise_or.at(owned, first // 3, (lowest_bit << (first % 3)).astype(np.int32))
+    return owned

@@ -1,0 +1,166 @@
+"""Which triangles intersect: closed triangles, so that touching counts, by exact signs throughout."""
+
+import sys
+
+import warp as wp
+
+from .contact_candidates import has, padding, triangle
+from .exact_sign import side, turn
+from .precision import OPTIONS, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.func
+def flattened(x: wp.vec3d, axis: int):
+    """Without the coordinate ``axis``."""
+    return wp.vec2d(x[(axis + 1) % 3], x[(axis + 2) % 3])
+
+
+@wp.func
+def overlap(a: wp.vec2d, b: wp.vec2d, c: wp.vec2d, d: wp.vec2d):
+    """Whether the boxes of two segments meet."""
+    low = wp.max(wp.min(a, b), wp.min(c, d))
+    high = wp.min(wp.max(a, b), wp.max(c, d))
+    return low[0] <= high[0] and low[1] <= high[1]
+
+
+@wp.func
+def segments_meet_flat(a: wp.vec2d, b: wp.vec2d, c: wp.vec2d, d: wp.vec2d):
+    """Whether the closed segments a–b and c–d meet in the plane."""
+    return turn(a, b, c) * turn(a, b, d) <= 0 and turn(c, d, a) * turn(c, d, b) <= 0 and overlap(a, b, c, d)
+
+
+@wp.func
+def coplanar_segments_meet(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
+    """Whether closed segments in one plane meet: if and only if they do along each axis.
+
+    At least one view shows a plane without folding it, and the overlap of boxes settles what lies on one line.
+    """
+    for axis in range(3):
+        if not segments_meet_flat(flattened(a, axis), flattened(b, axis), flattened(c, axis), flattened(d, axis)):
+            return False
+    return True
+
+
+@wp.func
+def inside_flat(p: wp.vec2d, a: wp.vec2d, b: wp.vec2d, c: wp.vec2d):
+    """Whether p lies in the closed triangle; in one without area, at least in its box."""
+    u = turn(a, b, p)
+    v = turn(b, c, p)
+    w = turn(c, a, p)
+    low = wp.min(wp.min(a, b), c)
+    high = wp.max(wp.max(a, b), c)
+    boxed = low[0] <= p[0] and p[0] <= high[0] and low[1] <= p[1] and p[1] <= high[1]
+    return boxed and ((u >= 0 and v >= 0 and w >= 0) or (u <= 0 and v <= 0 and w <= 0))
+
+
+@wp.func
+def coplanar_inside(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
+    """Whether p lies in the closed triangle in whose plane it is."""
+    for axis in range(3):
+        if not inside_flat(flattened(p, axis), flattened(a, axis), flattened(b, axis), flattened(c, axis)):
+            return False
+    return True
+
+
+@wp.func
+def coplanar_meets(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
+    """Whether the closed segment p–q meets the closed triangle, both in one plane or the triangle without area."""
+    if side(p, q, a, b) == 0 and coplanar_segments_meet(p, q, a, b):
+        return True
+    if side(p, q, b, c) == 0 and coplanar_segments_meet(p, q, b, c):
+        return True
+    if side(p, q, c, a) == 0 and coplanar_segments_meet(p, q, c, a):
+        return True
+    return coplanar_inside(p, a, b, c)
+
+
+@wp.func
+def segment_meets_triangle(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
+    """Whether the closed segment p–q and the closed triangle have a point in common."""
+    s = side(a, b, c, p)
+    t = side(a, b, c, q)
+    if s * t > 0:
+        return False
+    if s == 0 and t == 0:
+        return coplanar_meets(p, q, a, b, c)
+    u = side(p, q, a, b)
+    v = side(p, q, b, c)
+    w = side(p, q, c, a)
+    return (u >= 0 and v >= 0 and w >= 0) or (u <= 0 and v <= 0 and w <= 0)
+
+
+@wp.func
+def point(points: wp.array(dtype=vec3), i: int):
+    x = points[i]
+    return wp.vec3d(wp.float64(x[0]), wp.float64(x[1]), wp.float64(x[2]))
+
+
+@wp.func
+def edges_meet(points: wp.array(dtype=vec3), s: wp.vec3i, t: wp.vec3i):
+    """Whether an edge of s meets t, apart from the vertices that they have in common."""
+    a = point(points, t[0])
+    b = point(points, t[1])
+    c = point(points, t[2])
+    for k in range(3):
+        i = s[k]
+        j = s[(k + 1) % 3]
+        if not has(t, i) and not has(t, j) and segment_meets_triangle(point(points, i), point(points, j), a, b, c):
+            return True
+    return False
+
+
+@wp.kernel
+def triangle_bounds(
+    # Model
+    tri_indices: wp.array2d(dtype=wp.int32),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    # Out
+    lower_out: wp.array(dtype=wp.vec3),
+    upper_out: wp.array(dtype=wp.vec3),
+):
+    """Axis-aligned box of every triangle, rounded outward to float32."""
+    i = triangle(tri_indices, wp.tid())
+    a = wp.vec3(particle_q[i[0]])
+    b = wp.vec3(particle_q[i[1]])
+    c = wp.vec3(particle_q[i[2]])
+    low = wp.min(wp.min(a, b), c)
+    high = wp.max(wp.max(a, b), c)
+    lower_out[wp.tid()] = low - padding(0.0, low, high)
+    upper_out[wp.tid()] = high + padding(0.0, low, high)
+
+
+@wp.kernel
+def count_intersections(
+    # Model
+    tri_indices: wp.array2d(dtype=wp.int32),
+    particle_world: wp.array(dtype=wp.int32),
+    cloth_tris: int,
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    bvh: wp.uint64,
+    # Out
+    count_out: wp.array2d(dtype=wp.int32),
+):
+    """Adds the intersecting pairs of triangles of each world: of two of cloth to column 0, of one of cloth and one of
+    an obstacle to column 1. Cloth's are the first ``cloth_tris``.
+
+    Two that have one vertex in common intersect if an edge that is not at that vertex meets the other.
+    """
+    s = wp.tid()
+    mine = triangle(tri_indices, s)
+    world = particle_world[mine[0]]
+    query = wp.bvh_query_aabb(bvh, lower[s], upper[s])
+    t = int(0)
+    while wp.bvh_query_next(query, t):
+        if t <= s or s >= cloth_tris:
+            continue
+        other = triangle(tri_indices, t)
+        if particle_world[other[0]] != world:
+            continue
+        if edges_meet(particle_q, mine, other) or edges_meet(particle_q, other, mine):
+            wp.atomic_add(count_out, world, wp.where(t < cloth_tris, 0, 1), 1)
