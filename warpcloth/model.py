@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from . import validate
+from .cloth.bending import BendingElements
 from .collision_shapes import CollisionShapes
 from .errors import InputError
 from .kernels import KernelSet, variant_name
@@ -51,6 +52,8 @@ class Model:
             of the air's force across and along each [-]. tri_corner_share: share of each corner in its triangle's mass,
             vec3. particle_corner_start, particle_corner_ids: rows of corners, corner c of triangle t having id 3 t + c.
         tri_bag: inflated cloth of each triangle, or −1, int32. bags: their pressures [Pa], volumes [m³], ….
+        bending: bending elements, a struct of arrays (``kernels/bending.py``). particle_bend_start, particle_bend_ids,
+            particle_bend_elements: the entries of each particle in rising order, and their elements (compressed rows).
         moving_pins, tracks: prescribed motions. shapes: obstacles.
         cloths: a :class:`ClothRange` for each cloth.
     """
@@ -72,6 +75,7 @@ class Model:
         self.particle_count = len(parts.positions)
         self.spring_count = len(parts.springs)
         self.tri_count = len(parts.triangles)
+        self.bend_count = len(parts.bending)
         self.cloths = tuple(ClothRange(*row) for row in parts.ranges)
         self.bag_count = len(parts.bags)
         rows = np.array(parts.bags, float).reshape(-1, 5).T
@@ -195,6 +199,25 @@ class Model:
         start, ids = incident_rows(parts.triangles.reshape(-1, 1), self.particle_count)
         self.particle_corner_start = self.array(start, wp.int32)
         self.particle_corner_ids = self.array(ids, wp.int32)
+        self._upload_bending(parts.bending, parts.bend_damping)
+
+    def _upload_bending(self, elements: BendingElements, damping: np.ndarray) -> None:
+        model = self.kernels.bending.BendingModel()
+        vec2 = self.kernels.precision.vec2
+        model.start = self.array(elements.start, wp.int32)
+        model.particle = self.array(elements.particles, wp.int32)
+        model.weight = self.array(elements.weights[:, 0], self.real)
+        model.tangent = self.array(elements.weights[:, 1:], vec2)
+        model.law = self.array(np.stack([elements.stiffness, damping, elements.rest_curvature], axis=1), self.vec3)
+        friction = np.stack([elements.friction_stiffness, elements.slip_moment], axis=1)
+        model.friction = self.array(friction, vec2)
+        model.turning = int(elements.turning)
+        self.bending = model
+        order = np.argsort(elements.particles, kind="stable")
+        rows = np.bincount(elements.particles, minlength=self.particle_count)
+        self.particle_bend_start = self.array(np.concatenate([[0], np.cumsum(rows)]), wp.int32)
+        self.particle_bend_ids = self.array(order, wp.int32)
+        self.particle_bend_elements = self.array(elements.element[order], wp.int32)
 
     def _make_motions(self, parts: Parts, obstacles: Sequence[tuple[int, Obstacle]]) -> None:
         motions = [row[1] for row in parts.moving]

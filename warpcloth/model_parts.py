@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import validate
+from .cloth.bending import BendingElements
 from .cloth.inflation import enclosed_volume
 from .errors import InputError
 from .motion import Motion
@@ -23,7 +24,8 @@ class Parts:
 
     ``moving`` has a row (particles, motion, their rest positions, pivot) for each group of moving pins; ``ranges`` the
     fields of a ``ClothRange`` for each cloth; ``bags`` a row (pressure, ambient, volume, gas, side) for each inflated
-    one, and ``bag`` the number of that row for each triangle, −1 on others.
+    one, and ``bag`` the number of that row for each triangle, −1 on others. ``bend_damping`` is the stiffness of
+    bending elements times their damping time [N m³ s].
     """
 
     positions: np.ndarray
@@ -42,6 +44,8 @@ class Parts:
     corner_share: np.ndarray
     air_drag: np.ndarray
     air_friction: np.ndarray
+    bending: BendingElements
+    bend_damping: np.ndarray
     bags: list[tuple[float, float, float, bool, float]] = field(default_factory=list)
     bag: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     moving: list[tuple[np.ndarray, Motion, np.ndarray, np.ndarray]] = field(default_factory=list)
@@ -59,7 +63,7 @@ def parts_of_worlds(worlds: Sequence[Sequence["Cloth"]]) -> Parts:
     Raises:
         InputError: a world without cloth, or with two cloths of one name.
     """
-    pieces, moving, ranges, bags = [], [], [], []
+    pieces, bending, moving, ranges, bags = [], [], [], [], []
     first = tri_first = 0
     for world, cloths in enumerate(worlds):
         _check_names(world, cloths)
@@ -67,12 +71,14 @@ def parts_of_worlds(worlds: Sequence[Sequence["Cloth"]]) -> Parts:
             pieces.append(_piece(world, cloth, first))
             pieces[-1]["bag"] = np.full(len(cloth.triangles), -1 if cloth.inflation is None else len(bags), np.int32)
             bags += _bags(cloth)
+            bending.append((cloth.bending, first))
             moving += _moving_pins(cloth, first)
             stop, tri_stop = first + len(cloth.points), tri_first + len(cloth.triangles)
             ranges.append((world, cloth.name, first, stop, tri_first, tri_stop))
             first, tri_first = stop, tri_stop
     joined = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-    return Parts(**joined, moving=moving, ranges=ranges, bags=bags)
+    elements = BendingElements.joined(*zip(*bending, strict=True))
+    return Parts(**joined, bending=elements, moving=moving, ranges=ranges, bags=bags)
 
 
 def _check_names(world: int, cloths: Sequence["Cloth"]) -> None:
@@ -108,6 +114,7 @@ def _piece(world: int, cloth: "Cloth", first: int) -> dict[str, np.ndarray]:
         "corner_share": cloth.corner_share,
         "air_drag": np.full(len(cloth.triangles), cloth.fabric.air_drag),
         "air_friction": np.full(len(cloth.triangles), cloth.fabric.air_friction),
+        "bend_damping": cloth.fabric.damping_time * cloth.bending.stiffness,
     }
 
 
@@ -159,6 +166,8 @@ def parts_of_network(
         corner_share=np.zeros((0, 3)),
         air_drag=np.zeros(0),
         air_friction=np.zeros(0),
+        bending=BendingElements.none(),
+        bend_damping=np.zeros(0),
         ranges=[(0, "network", 0, n, 0, 0)],
     )
 

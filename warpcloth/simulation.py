@@ -11,7 +11,7 @@ from . import diagnostics, stability, validate
 from .air import Air
 from .contact import CONTACTS, ContactStage
 from .errors import ContactWarning, ConvergenceWarning, InputError, StabilityWarning
-from .forces import AirDrag, Forces, ForceTerm, Pressure, Springs
+from .forces import AirDrag, Bending, Forces, ForceTerm, Pressure, Springs
 from .integrators import make_integrator
 from .kinematics import drive_pins
 from .model import Model
@@ -71,7 +71,7 @@ class Simulation:
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other, self._before = self.state.twin(), self.state.twin()
         self._time_before = wp.clone(self.state.world_time)
-        self._memory = self.integrator.memory()
+        self._memory = [*self.integrator.memory(), *self.forces.memory()]
         self._memory_before = [wp.clone(item.array) for item in self._memory]
         self._auto = isinstance(substeps, str)
         self._auto_dt = 0.0
@@ -202,6 +202,7 @@ class Simulation:
         later.forces_current = False
         self.integrator.step(self.model, now, later, self.forces, dt)
         self.contact.resolve(now, later, dt)
+        self.forces.advance(later)
         later.forces_current &= not self.contact.acts
         wp.launch(
             self.model.kernels.particles.advance_time,
@@ -290,6 +291,8 @@ def force_terms(model: Model, assembly: str, air: Air | Sequence[Air] | None) ->
     if airs and len(airs) != model.world_count:
         raise InputError(f"Air must be given once or for each of the {model.world_count} worlds, got {len(airs)}.")
     terms: list[ForceTerm] = [Springs(model, assembly)]
+    if model.bend_count > 0:
+        terms.append(Bending(model, assembly))
     if any(item.density > 0.0 for item in airs) and model.tri_count > 0:
         terms.append(AirDrag(model, airs))
     if model.bag_count > 0:

@@ -7,10 +7,15 @@ K depends on where the springs point. But every spring obeys K_e ⪯ (k_s/r) I w
 network in which all springs act in all directions (the weighted graph Laplacian) bounds every configuration: that is
 what automatic substeps use, and why they hold when cloth crumples. On square grids it costs about a quarter more
 substeps than the flat rest pose would need.
+
+Bending of cloth that is flat at rest acts in all directions by itself, with the same K in every configuration. Where
+the rest shape is curved, and for hysteresis, what depends on how the surface's tangents turn is left out: it is small
+where the mesh resolves the curvature.
 """
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,32 +34,70 @@ SAFETY = 0.7
 WARNING_ITERATIONS = 60  # within about 1 % of the step
 
 
-class _Network:
-    """Host copy of what the eigenvalue problems need."""
+class _Bending:
+    """Bending elements as they resist in every direction, on the host."""
 
-    def __init__(self, model: "Model", positions: np.ndarray | None):
+    def __init__(self, model: "Model"):
+        elements = model.bending
+        start = elements.start.numpy()
+        self.element = np.repeat(np.arange(model.bend_count), np.diff(start))
+        self.particle, self.weight = elements.particle.numpy(), elements.weight.numpy().astype(np.float64)
+        self.stiffness = elements.law.numpy()[:, 0] + elements.friction.numpy()[:, 0].astype(np.float64)
+        self.damping = elements.law.numpy()[:, 1].astype(np.float64)
+
+    def apply(self, strength: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """K x of elements of ``strength`` [N m³ or N m³ s]."""
+        columns = []
+        for column in x.T:
+            d = np.bincount(self.element, self.weight * column[self.particle], len(strength))
+            columns.append(np.bincount(self.particle, self.weight * (strength * d)[self.element], len(x)))
+        return np.stack(columns, axis=1)
+
+    def row_sums(self, strength: np.ndarray, count: int) -> np.ndarray:
+        """No less than the sum of |K_ij| over each row."""
+        size = np.abs(self.weight)
+        total = strength * np.bincount(self.element, size, len(strength))
+        return np.bincount(self.particle, size * total[self.element], count)
+
+
+class _Network:
+    """Host copy of what the eigenvalue problems need; strengths are pairs, of springs and of bending elements."""
+
+    def __init__(self, model: "Model", positions: np.ndarray | None, springs: bool = True):
         ends = model.spring_indices.numpy()
         self.p, self.q = ends[:, 0], ends[:, 1]
         self.inverse_mass = model.particle_inv_mass.numpy().astype(np.float64)
-        self.per_length = 1.0 / model.spring_rest_length.numpy().astype(np.float64)
+        self.bending = _Bending(model)
+        per_length = (1.0 if springs else 0.0) / model.spring_rest_length.numpy().astype(np.float64)
+        self.stiffness = (model.spring_stiffness.numpy() * per_length, self.bending.stiffness)
+        self.damping = (model.spring_damping.numpy() * per_length, self.bending.damping)
         self.directions = None
         if positions is not None:
             d = positions[self.q] - positions[self.p]
             length = np.linalg.norm(d, axis=1, keepdims=True)
             self.directions = np.divide(d, length, out=np.zeros_like(d), where=length > 0.0)
 
-    def apply(self, weights: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """M^(−1/2) K M^(−1/2) x, of springs of ``weights`` [N/m or N s/m]."""
+    def apply(self, strength: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> np.ndarray:
+        """M^(−1/2) K M^(−1/2) x, of springs [N/m or N s/m] and elements [N m³ or N m³ s] so strong."""
         y = x * np.sqrt(self.inverse_mass)[:, None]
         d = y[self.q] - y[self.p]
         if self.directions is not None:
             d = self.directions * np.sum(self.directions * d, axis=1, keepdims=True)
-        f = weights[:, None] * d
+        f = strength[0][:, None] * d
         n = len(x)
-        columns = [np.bincount(self.q, c, n) - np.bincount(self.p, c, n) for c in f.T]
-        return np.stack(columns, axis=1) * np.sqrt(self.inverse_mass)[:, None]
+        total = np.stack([np.bincount(self.q, c, n) - np.bincount(self.p, c, n) for c in f.T], axis=1)
+        if len(strength[1]) > 0:
+            total = total + self.bending.apply(strength[1], y)
+        return total * np.sqrt(self.inverse_mass)[:, None]
 
-    def largest_eigenvalue(self, weights: np.ndarray, iterations: int = MAX_ITERATIONS) -> float:
+    def bound(self, strength: tuple[np.ndarray, np.ndarray]) -> float:
+        """No less than the largest eigenvalue, by Gershgorin's theorem."""
+        n = len(self.inverse_mass)
+        total = 2.0 * np.bincount(np.concatenate([self.p, self.q]), np.tile(strength[0], 2), n)
+        total = total + self.bending.row_sums(strength[1], n)
+        return float(np.max(total * self.inverse_mass, initial=0.0))
+
+    def largest_eigenvalue(self, strength: tuple[np.ndarray, np.ndarray], iterations: int = MAX_ITERATIONS) -> float:
         """By power iteration; 0 for a network without free ends."""
         width = 1 if self.directions is None else 3
         x = np.random.default_rng(0).standard_normal((len(self.inverse_mass), width))
@@ -64,49 +107,50 @@ class _Network:
             norm = np.linalg.norm(x)
             if norm == 0.0:
                 return 0.0
-            x = self.apply(weights, x / norm)
+            x = self.apply(strength, x / norm)
             previous, value = value, float(np.linalg.norm(x))
             if abs(value - previous) <= TOLERANCE * value:
                 break
         return value
 
 
-def rate_bounds(model: "Model") -> tuple[float, float]:
-    """Upper bounds of ω [1/s] and γ [1/s] in any configuration, at the cost of one sum (Gershgorin's theorem)."""
-    network = _Network(model, None)
-    bounds = []
-    for strength in (model.spring_stiffness, model.spring_damping):
-        weights = strength.numpy() * network.per_length
-        ends = np.concatenate([network.p, network.q])
-        total = np.bincount(ends, np.tile(weights, 2), model.particle_count)
-        bounds.append(2.0 * float(np.max(total * network.inverse_mass, initial=0.0)))
-    return math.sqrt(bounds[0]), bounds[1]
+def rate_bounds(model: "Model", *, springs: bool = True) -> tuple[float, float]:
+    """Upper bounds of ω [1/s] and γ [1/s] in any configuration, at the cost of one sum; without springs if so asked."""
+    network = _Network(model, None, springs)
+    return math.sqrt(network.bound(network.stiffness)), network.bound(network.damping)
 
 
 def fastest_rates(
-    model: "Model", positions: np.ndarray | None = None, iterations: int = MAX_ITERATIONS
+    model: "Model", positions: np.ndarray | None = None, iterations: int = MAX_ITERATIONS, *, springs: bool = True
 ) -> tuple[float, float]:
     """ω [1/s] and γ [1/s] of the stiffest undamped mode and of the most damped one.
 
     Args:
-        model: whose springs and masses.
+        model: whose springs, bending elements and masses.
         positions: the configuration, shape [particle_count, 3] [m]; None bounds all configurations.
         iterations: most steps of the power iteration, which approaches the eigenvalues from below.
+        springs: False for the rates of all but springs.
     """
-    if model.spring_count == 0:
-        return 0.0, 0.0
-    network = _Network(model, positions)
-    stiffness = model.spring_stiffness.numpy() * network.per_length
-    damping = model.spring_damping.numpy() * network.per_length
-    fastest = network.largest_eigenvalue(stiffness, iterations)
-    return math.sqrt(fastest), network.largest_eigenvalue(damping, iterations)
+    network = _Network(model, positions, springs)
+    fastest = network.largest_eigenvalue(network.stiffness, iterations)
+    return math.sqrt(fastest), network.largest_eigenvalue(network.damping, iterations)
+
+
+def _usable_step(
+    model: "Model", integrator: "Integrator", rates: Callable[..., tuple[float, float]], *arguments: Any
+) -> float:
+    """Largest step [s] by ``rates``, for all forces and for those besides springs."""
+    step = integrator.usable_step(*rates(model, *arguments))
+    if model.bend_count > 0:
+        step = min(step, integrator.explicit_step(*rates(model, *arguments, springs=False)))
+    return step
 
 
 def largest_stable_step(model: "Model", integrator: "Integrator") -> float:
     """Largest step [s] that ``integrator`` can safely take in any configuration; infinite if it has no limit."""
-    if math.isinf(integrator.usable_step(*rate_bounds(model))):
+    if math.isinf(_usable_step(model, integrator, rate_bounds)):
         return math.inf
-    return SAFETY * integrator.usable_step(*fastest_rates(model))
+    return SAFETY * _usable_step(model, integrator, fastest_rates)
 
 
 def substeps_for(model: "Model", integrator: "Integrator", dt: float, most: int) -> int:
@@ -132,9 +176,9 @@ def warning_of_unstable_steps(
     Unlike automatic substeps this is no bound for all configurations: what it warns of will go wrong.
     """
     step = dt / substeps
-    if step <= integrator.usable_step(*rate_bounds(model)):
+    if step <= _usable_step(model, integrator, rate_bounds):
         return None
-    limit = integrator.usable_step(*fastest_rates(model, positions, WARNING_ITERATIONS))
+    limit = _usable_step(model, integrator, fastest_rates, positions, WARNING_ITERATIONS)
     if step <= limit:
         return None
     needed = f"{math.ceil(dt / limit)} substeps" if dt < 1e9 * limit else "another integrator"

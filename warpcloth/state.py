@@ -3,10 +3,24 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 import warp as wp
 
 if TYPE_CHECKING:
     from .model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """An array that an integrator or a force keeps from one step to the next, besides the state.
+
+    Attributes:
+        array: the array, on the device.
+        particle: of each row, a particle of the world that it belongs to, int; None if it belongs to all worlds.
+    """
+
+    array: wp.array
+    particle: np.ndarray | None
 
 
 @dataclass(eq=False)

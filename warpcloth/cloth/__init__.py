@@ -1,5 +1,6 @@
 """Cloth on the host: rest meshes, springs, pins."""
 
+from .bending import BendingElements
 from .cloth import Cloth
 from .inflation import Inflation
 from .pins import Pin, PinSpec, pin, pin_box, pin_nearest
@@ -10,6 +11,7 @@ __all__ = [
     "KIND_NAMES",
     "SHEAR",
     "STRUCTURAL",
+    "BendingElements",
     "Cloth",
     "Inflation",
     "Pin",

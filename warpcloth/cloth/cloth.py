@@ -1,6 +1,6 @@
 """Cloth: a rest mesh with springs, masses and pins."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,10 @@ from ..meshes.check import checked_arrays
 from ..transforms import apply, as_matrix
 from ..validate import Array
 from .arguments import checked_fabric, cloth_label, disc_radius, grid_resolution, grid_size, require, rigid_matrix
+from .bending import BendingElements
+from .bending_grid import grid_bending
+from .bending_mesh import mesh_bending
+from .bending_sheet import BendingSheet
 from .disc import disc_points, disc_triangles, rim
 from .grid import DIAGONALS, GridShape
 from .inflation import Inflation, check_closed
@@ -39,6 +43,7 @@ class Cloth:
         velocity: initial velocity of every free particle [m/s], shape [3].
         corner_share: share of each corner in its triangle's mass [-], shape [m, 3]; thirds for None.
         inflation: pressure inside a closed cloth; None: none.
+        bending: bending elements over the particles.
 
     Raises:
         InputError: on values out of range; MeshError: on vertices that no triangle gives a mass.
@@ -56,6 +61,7 @@ class Cloth:
     velocity: Array = (0.0, 0.0, 0.0)
     corner_share: Array = None
     inflation: Inflation | None = None
+    bending: BendingElements = field(default_factory=BendingElements.none)
 
     def __post_init__(self):
         label = cloth_label(self.name)
@@ -68,6 +74,7 @@ class Cloth:
         values["corner_share"] = validate.array(share, f"{label}: corner_share", (len(triangles), 3))
         require(self.springs, SpringNetwork, f"{label}: springs")
         require(self.fabric, Fabric, f"{label}: fabric")
+        require(self.bending, BendingElements, f"{label}: bending")
         for pin in values["pins"]:
             require(pin, Pin, f"{label}: each of pins")
         if self.inflation is not None:
@@ -126,6 +133,7 @@ class Cloth:
             pins=resolve_pins(pins, placed, shape.named_vertices(), label),
             velocity=velocity,
             corner_share=shape.corner_share(triangles),
+            bending=grid_bending(shape, placed, BendingSheet.of(fabric)),
         )
 
     @staticmethod
@@ -166,6 +174,7 @@ class Cloth:
             uv_indices=triangles,
             pins=resolve_pins(pins, placed, named, label),
             velocity=velocity,
+            bending=mesh_bending(flat, triangles, BendingSheet.of(fabric)),
         )
 
     @staticmethod
@@ -211,6 +220,7 @@ class Cloth:
             pins=resolve_pins(pins, mesh.points, {}, label),
             velocity=velocity,
             inflation=inflation,
+            bending=mesh_bending(mesh.points, mesh.triangles, BendingSheet.of(fabric)),
         )
 
     @property
@@ -236,6 +246,8 @@ class Cloth:
             raise MeshError(f"{label}: vertex {light[0]} has no mass, so no triangle with an area holds it.")
         if len(self.springs) and self.springs.indices.max() >= count:
             raise InputError(f"{label}: a spring refers to vertex {self.springs.indices.max()} of {count}.")
+        if self.bending.particles.max(initial=0) >= count:
+            raise InputError(f"{label}: bending refers to vertex {self.bending.particles.max()} of {count}.")
         if self.uvs is not None and self.uv_indices is not None:
             last = len(self.uvs) - 1
             if self.uv_indices.min() < 0 or self.uv_indices.max() > last:

@@ -31,6 +31,12 @@ class GridShape:
         """Vertex indices, shape [ny, nx]."""
         return np.arange(self.nx * self.ny, dtype=np.int32).reshape(self.ny, self.nx)
 
+    @property
+    def owned(self) -> tuple[np.ndarray, np.ndarray]:
+        """Widths that each column and each row stand for: a cell, half a cell at both ends [m]."""
+        dx, dy = self.cell
+        return _owned(self.nx, dx), _owned(self.ny, dy)
+
     def uvs(self) -> np.ndarray:
         """Texture coordinates from (0, 0) at the lower left to (1, 1), shape [nx ny, 2]."""
         u, v = np.meshgrid(np.linspace(0.0, 1.0, self.nx), np.linspace(0.0, 1.0, self.ny))

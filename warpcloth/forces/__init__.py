@@ -2,7 +2,8 @@
 
 from .air import AirDrag
 from .base import Forces, ForceTerm, Hessian, Linearization
+from .bending import Bending
 from .pressure import Pressure
 from .springs import ASSEMBLIES, Springs
 
-__all__ = ["ASSEMBLIES", "AirDrag", "ForceTerm", "Forces", "Hessian", "Linearization", "Pressure", "Springs"]
+__all__ = ["ASSEMBLIES", "AirDrag", "Bending", "ForceTerm", "Forces", "Hessian", "Linearization", "Pressure", "Springs"]

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import warp as wp
 
 from ..model import Model
-from ..state import State
+from ..state import Memory, State
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +66,19 @@ class ForceTerm(Protocol):
         ...
 
 
+@runtime_checkable
+class Remembering(Protocol):
+    """A force that depends on what was before: a :class:`ForceTerm` with a memory that moves on with steps."""
+
+    def advance(self, state: State) -> None:
+        """The end of a step, at ``state``: once for each step, not for each evaluation. Launches kernels only."""
+        ...
+
+    def memory(self) -> Sequence[Memory]:
+        """All that the force depends on besides the state."""
+        ...
+
+
 class Forces:
     """Gravity and all force terms of a simulation.
 
@@ -85,6 +98,16 @@ class Forces:
     def velocity_dependent(self) -> bool:
         """Whether any term depends on velocities."""
         return any(term.velocity_dependent for term in self.terms)
+
+    def advance(self, state: State) -> None:
+        """The end of a step, at ``state``: what forces remember moves on."""
+        for term in self.terms:
+            if isinstance(term, Remembering):
+                term.advance(state)
+
+    def memory(self) -> list[Memory]:
+        """All that forces depend on besides the state."""
+        return [item for term in self.terms if isinstance(term, Remembering) for item in term.memory()]
 
     def evaluate(self, state: State, time_offset: float = 0.0, *, without: Sequence[str] = ()) -> None:
         """Writes the total force [N] at ``state`` into ``state.particle_f``.

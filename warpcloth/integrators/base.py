@@ -2,28 +2,11 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
-
-import numpy as np
-import warp as wp
 
 from ..forces import Forces
 from ..model import Model
-from ..state import State
-
-
-@dataclass(frozen=True, eq=False)
-class Memory:
-    """An array that a scheme keeps from one step to the next.
-
-    Attributes:
-        array: the array, on the device.
-        particle: of each row, a particle of the world that it belongs to, int; None if it belongs to all worlds.
-    """
-
-    array: wp.array
-    particle: np.ndarray | None
+from ..state import Memory, State
 
 
 class Integrator(Protocol):
@@ -96,6 +79,11 @@ class Integrator(Protocol):
         The stable step, except for schemes that let undamped motion grow at any step, but slowly at small ones.
         """
         return cls.stable_step(omega, gamma)
+
+    @classmethod
+    def explicit_step(cls, omega: float, gamma: float) -> float:
+        """Largest step [s] for the forces besides springs, where a scheme solves for springs only; else infinite."""
+        return math.inf
 
     def advised_step(self) -> float:
         """Step [s] at which results are good for the model at hand, where that asks for less than stability does.

@@ -11,8 +11,9 @@ from .. import validate
 from ..forces import Forces
 from ..kinematics import drive_pins
 from ..model import Model
-from ..state import State
-from .base import Integrator, Memory
+from ..state import Memory, State
+from .base import Integrator
+from .splitting import SymplecticEuler
 
 MAX_ITERATIONS = 100_000
 STANDARD_GRAVITY = 9.80665  # [m/s²]
@@ -92,8 +93,13 @@ class PositionStep(Integrator):
 
     @classmethod
     def stable_step(cls, omega: float, gamma: float) -> float:
-        """No limit."""
+        """No limit for springs."""
         return math.inf
+
+    @classmethod
+    def explicit_step(cls, omega: float, gamma: float) -> float:
+        """That of symplectic Euler: all forces but springs are those at the start of the step."""
+        return SymplecticEuler.usable_step(omega, gamma)
 
     def advised_step(self) -> float:
         """The step [s] at which cloth holds its own weight without visible numerical stretch.

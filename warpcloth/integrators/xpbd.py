@@ -7,8 +7,7 @@ import warp as wp
 
 from ..forces import Forces
 from ..model import Model
-from ..state import State
-from .base import Memory
+from ..state import Memory, State
 from .colouring import SpringColours
 from .position_step import PositionStep
 

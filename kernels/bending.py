@@ -1,0 +1,198 @@
+"""Bending forces of all elements: scattered with atomic adds, or gathered per particle in a fixed order."""
+
+import sys
+
+import warp as wp
+
+from .bending_law import damping_direction, friction_energy, friction_scale, slipped
+from .precision import OPTIONS, real, vec3
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+
+@wp.struct
+class BendingModel:
+    """Elements by entry, see :class:`warpcloth.cloth.bending.BendingElements`; what does not change.
+
+    ``law`` holds (stiffness [N m³], stiffness times damping time [N m³ s], rest curvature [1/m]), ``friction`` its
+    stiffness [N m³] and the slip moment [N m²]. ``turning``: whether any element needs its tangents.
+    """
+
+    start: wp.array(dtype=wp.int32)
+    particle: wp.array(dtype=wp.int32)
+    weight: wp.array(dtype=real)
+    tangent: wp.array(dtype=wp.types.vector(2, real))
+    law: wp.array(dtype=vec3)
+    friction: wp.array(dtype=wp.types.vector(2, real))
+    turning: wp.int32
+
+
+@wp.func
+def weighted_sum(elements: BendingModel, e: int, x: wp.array(dtype=vec3)):
+    """Σ w_i x_i of an element; from differences, which keeps digits."""
+    first = elements.start[e]
+    origin = x[elements.particle[first]]
+    d = vec3()
+    for k in range(first + 1, elements.start[e + 1]):
+        d += elements.weight[k] * (x[elements.particle[k]] - origin)
+    return d
+
+
+@wp.func
+def tangent_sum(elements: BendingModel, e: int, x: wp.array(dtype=vec3), axis: int):
+    """t₁ (axis 0) or t₂ (axis 1) of an element."""
+    first = elements.start[e]
+    origin = x[elements.particle[first]]
+    t = vec3()
+    for k in range(first + 1, elements.start[e + 1]):
+        t += elements.tangent[k][axis] * (x[elements.particle[k]] - origin)
+    return t
+
+
+@wp.struct
+class Moments:
+    """What an element pulls with: f_i = −w_i bend + α_i along + β_i across."""
+
+    bend: vec3
+    along: vec3
+    across: vec3
+
+
+@wp.func
+def element_moments(
+    elements: BendingModel,
+    e: int,
+    slip: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+):
+    """Moments of an element at a state."""
+    law = elements.law[e]
+    d = weighted_sum(elements, e, particle_q)
+    result = Moments()
+    if elements.turning == 1:
+        t1 = tangent_sum(elements, e, particle_q, 0)
+        t2 = tangent_sum(elements, e, particle_q, 1)
+        c = wp.cross(t1, t2)
+        friction = elements.friction[e]
+        r = d - slip[e] * c
+        m_f = friction_scale(r, friction[0], friction[1]) * r
+        m_e = law[0] * (d - law[2] * c)
+        n = law[2] * m_e + slip[e] * m_f
+        result.bend = m_e + m_f
+        result.along = wp.cross(t2, n)
+        result.across = wp.cross(n, t1)
+    else:
+        result.bend = law[0] * d
+    if law[1] > real(0.0):
+        direction = damping_direction(d)
+        rate = wp.dot(weighted_sum(elements, e, particle_qd), direction)
+        result.bend += (law[1] * rate) * direction
+    return result
+
+
+@wp.func
+def entry_force(elements: BendingModel, k: int, moments: Moments):
+    """Force [N] of an element on the particle of entry k."""
+    f = -elements.weight[k] * moments.bend
+    if elements.turning == 1:
+        f += elements.tangent[k][0] * moments.along + elements.tangent[k][1] * moments.across
+    return f
+
+
+@wp.kernel
+def scatter_forces(
+    # Model
+    elements: BendingModel,
+    # State in
+    slip: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    # Out
+    particle_f_out: wp.array(dtype=vec3),
+):
+    """One thread per element adds its forces to its particles."""
+    e = wp.tid()
+    moments = element_moments(elements, e, slip, particle_q, particle_qd)
+    for k in range(elements.start[e], elements.start[e + 1]):
+        wp.atomic_add(particle_f_out, elements.particle[k], entry_force(elements, k, moments))
+
+
+@wp.kernel
+def moments(
+    # Model
+    elements: BendingModel,
+    # State in
+    slip: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    # Out
+    moments_out: wp.array(dtype=Moments),
+):
+    """Moments of all elements, for :func:`gather_forces`."""
+    e = wp.tid()
+    moments_out[e] = element_moments(elements, e, slip, particle_q, particle_qd)
+
+
+@wp.kernel
+def gather_forces(
+    # Model
+    elements: BendingModel,
+    row_start: wp.array(dtype=wp.int32),
+    row_entry: wp.array(dtype=wp.int32),
+    row_element: wp.array(dtype=wp.int32),
+    # State in
+    moments: wp.array(dtype=Moments),
+    # Out
+    particle_f_out: wp.array(dtype=vec3),
+):
+    """One thread per particle sums its entries in a fixed order: bitwise repeatable on any device."""
+    i = wp.tid()
+    total = vec3()
+    for row in range(row_start[i], row_start[i + 1]):
+        total += entry_force(elements, row_entry[row], moments[row_element[row]])
+    particle_f_out[i] = particle_f_out[i] + total
+
+
+@wp.kernel
+def energy(
+    # Model
+    elements: BendingModel,
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    slip: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    # Out
+    energy_out: wp.array(dtype=wp.float64),
+):
+    """Adds each element's energy [J] to that of its world; of friction, what the spring before the slip holds."""
+    e = wp.tid()
+    law = elements.law[e]
+    d = weighted_sum(elements, e, particle_q)
+    total = real(0.0)
+    if elements.turning == 1:
+        c = wp.cross(tangent_sum(elements, e, particle_q, 0), tangent_sum(elements, e, particle_q, 1))
+        friction = elements.friction[e]
+        if friction[1] > real(0.0):
+            total += friction_energy(d - slip[e] * c, friction[0], friction[1])
+        d = d - law[2] * c
+    total += real(0.5) * law[0] * wp.dot(d, d)
+    wp.atomic_add(energy_out, particle_world[elements.particle[elements.start[e]]], wp.float64(total))
+
+
+@wp.kernel
+def advance_slip(
+    # Model
+    elements: BendingModel,
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    # Out
+    slip_out: wp.array(dtype=real),
+):
+    """At the end of a step: what slipped in it."""
+    e = wp.tid()
+    friction = elements.friction[e]
+    if friction[1] > real(0.0):
+        d = weighted_sum(elements, e, particle_q)
+        c = wp.cross(tangent_sum(elements, e, particle_q, 0), tangent_sum(elements, e, particle_q, 1))
+        slip_out[e] = slipped(d, c, slip_out[e], friction[0], friction[1])

@@ -1,0 +1,98 @@
+"""Bending elements of the model as a force term."""
+
+from collections.abc import Sequence
+
+import warp as wp
+
+from .. import validate
+from ..model import Model
+from ..state import Memory, State
+from .base import Linearization
+from .springs import ASSEMBLIES
+
+
+class Bending:
+    """Bending stiffness, its damping, and hysteresis (the law of ``kernels/bending_law.py``).
+
+    Hysteresis has a memory, the slip of each element, which moves on once per step, in :meth:`advance`.
+
+    Args:
+        model: the model whose elements these are.
+        assembly: "scatter" (one thread per element, atomic adds) or "gather" (fixed order: bitwise
+            repeatable on a GPU too).
+
+    Raises:
+        InputError: unknown assembly.
+
+    Attributes:
+        slip: curvature at which each element would be free of friction [1/m], shape [bend_count].
+    """
+
+    name = "bending"
+
+    def __init__(self, model: Model, assembly: str = "scatter"):
+        self.model, self.elements = model, model.bending
+        self.gathers = validate.choice(assembly, ASSEMBLIES, "assembly") == "gather"
+        law = self.elements.law.numpy()
+        self.velocity_dependent = bool(law[:, 1].any())
+        self.slips = bool(self.elements.friction.numpy().any())
+        self.slip = wp.zeros(model.bend_count, dtype=model.real, device=model.device)
+        count = model.bend_count if self.gathers else 0
+        self._moments = wp.zeros(count, dtype=model.kernels.bending.Moments, device=model.device)
+        self._rows = [model.particle_bend_start, model.particle_bend_ids, model.particle_bend_elements]
+
+    def accumulate(self, state: State, time_offset: float) -> None:
+        """Adds bending forces [N] to ``state.particle_f``."""
+        kernels, where = self.model.kernels.bending, [self.slip, state.particle_q, state.particle_qd]
+        if self.gathers:
+            self._launch(kernels.moments, where, self._moments)
+            self._gather(kernels.gather_forces, state.particle_f)
+        else:
+            self._launch(kernels.scatter_forces, where, state.particle_f)
+
+    def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
+        """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
+        kernels = self.model.kernels.bending_hessian
+        where = [self.slip, at.state.particle_q, x, at.stiffness, at.damping]
+        if self.gathers:
+            self._launch(kernels.product_moments, where, self._moments)
+            self._gather(kernels.gather_products, out)
+        else:
+            self._launch(kernels.scatter_products, where, out)
+
+    def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
+        """Adds the diagonal blocks of a K + b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
+        wp.launch(
+            self.model.kernels.bending_hessian.diagonal,
+            dim=self.model.particle_count,
+            inputs=[self.elements, *self._rows, self.slip, at.state.particle_q, at.stiffness, at.damping],
+            outputs=[out],
+            device=self.model.device,
+        )
+
+    def energy(self, state: State) -> dict[str, float]:
+        """Energy of bending [J], with what the springs of hysteresis hold."""
+        model = self.model
+        out = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
+        self._launch(model.kernels.bending.energy, [model.particle_world, self.slip, state.particle_q], out)
+        return {"bending": float(out.numpy().sum())}
+
+    def advance(self, state: State) -> None:
+        """The end of a step: ``slip`` follows to ``state``."""
+        if self.slips:
+            self._launch(self.model.kernels.bending.advance_slip, [state.particle_q], self.slip)
+
+    def memory(self) -> Sequence[Memory]:
+        """The slip."""
+        starts = self.elements.start.numpy()[:-1]
+        return [Memory(self.slip, self.elements.particle.numpy()[starts])] if self.slips else []
+
+    def _launch(self, kernel: wp.Kernel, inputs: list, out: wp.array) -> None:
+        """One thread per element."""
+        model = self.model
+        wp.launch(kernel, dim=model.bend_count, inputs=[self.elements, *inputs], outputs=[out], device=model.device)
+
+    def _gather(self, kernel: wp.Kernel, out: wp.array) -> None:
+        """One thread per particle."""
+        inputs = [self.elements, *self._rows, self._moments]
+        wp.launch(kernel, dim=self.model.particle_count, inputs=inputs, outputs=[out], device=self.model.device)
