@@ -55,7 +55,7 @@ def command(
         pyplot()
     start_warp()
     selection = _selection(schemes, problems, scene, frames, quick, budget)
-    folder = _folder(output)
+    folder = output_folder(output)
     with _progress(measurements(selection)) as report:
         results = run_suite(selection, report)
     path = folder / "results.json"
@@ -95,7 +95,12 @@ def _whole(text: str | None) -> Any:
     return int(text) if text is not None and re.fullmatch("-?[0-9]{1,30}", text) else text
 
 
-def _folder(output: Path) -> Path:
+def output_folder(output: Path) -> Path:
+    """The folder, made if need be.
+
+    Raises:
+        InputError: it cannot be made.
+    """
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
