@@ -63,8 +63,8 @@ def draw(ax: Any, panel: Panel) -> None:
         number = number if curve.label else int(curve.style == POINTS)
         color = COLORS[number % len(COLORS)]
         if curve.style == POINTS:
-            marker = MARKERS[number % len(MARKERS)]
-            ax.plot(curve.x, curve.y, marker, color=color, label=curve.label, markersize=6 if curve.label else 4, markeredgecolor="white")
+            look = {"marker": MARKERS[number % len(MARKERS)], "markersize": 6 if curve.label else 4}
+            ax.plot(curve.x, curve.y, linestyle="none", color=color, label=curve.label, markeredgecolor="white", **look)
         else:
             ax.plot(curve.x, curve.y, "-", color=color, label=curve.label, linewidth=1.8)
     for axis in panel.log:
