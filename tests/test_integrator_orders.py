@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from integrator_problems import ALL, NAMES, PROBLEMS, phase, simulation
+from scipy.integrate import solve_ivp
 
 import warpcloth as wc
 from warpcloth.integrators import INTEGRATORS
@@ -30,32 +31,70 @@ def test_order(task, name):
     assert measured == pytest.approx(order, abs=0.1)
 
 
-ROWS = [
-    (0.0, 0.5, (0.409091381, -0.927079959, -3.852925616, -1.728877758)),
-    (0.5, 5.0, (0.972133967, -0.248863327, -0.514553791, -2.134610356)),
-]
+PENDULUM = {  # section 2 of the known answers: (k_d [N s], time [s]): x, y [m], v_x, v_y [m/s], to 9 decimals
+    (0.0, 0.5): (0.409091381, -0.927079959, -3.852925616, -1.728877758),
+    (0.0, 2.0): (0.760241003, -0.664284176, 2.326803297, 2.726887498),
+    (0.5, 5.0): (0.972133967, -0.248863327, -0.514553791, -2.134610356),
+}
+LAST_DIGIT = 1e-9
+OMEGA = math.sqrt(200.0 / 0.1)  # of the spring [1/s]
+PER_SECOND = {1: 768, 2: 640, 3: 160, 4: 320, 5: 128}  # steps
+PER_SECOND_IMPLICIT = {0: 512, 1: 512, 2: 384}
 
 
-def pendulum_error(name: str, row: tuple, substeps: int) -> np.ndarray:
-    k_d, end, expected = row
+def pendulum_errors(name: str, per_second: int, **options) -> list[np.ndarray]:
+    """In each row of :data:`PENDULUM`; all three swing side by side, one spring each."""
+    dampings = [k_d for k_d, _ in PENDULUM]
     model = wc.Model.from_springs(
-        [[0, 0, 0], [1, 0, 0]], [1.0, 0.1], [[0, 1]], 1.0, 200.0, k_d, [0], precision="float64"
-    )
-    sim = simulation(model, name, (0, -9.81, 0), substeps)
-    sim.step(end)
-    return phase(sim)[:, 1, :2].ravel() - np.array(expected)
+        [[0, 0, 0], [1, 0, 0]] * 3, [1.0, 0.1] * 3, [[0, 1], [2, 3], [4, 5]], 1.0, 200.0, dampings, [0, 2, 4],
+        precision="float64",
+    )  # fmt: skip
+    sim = simulation(model, name, (0, -9.81, 0), per_second // 4, **options)
+    errors = []
+    for row, ((_, end), expected) in enumerate(PENDULUM.items()):
+        sim.run(round(4 * (end - sim.time)), fps=4)
+        errors.append(phase(sim)[:, 2 * row + 1, :2].ravel() - np.array(expected))
+    return errors
 
 
 @pytest.mark.filterwarnings("ignore::warpcloth.errors.StabilityWarning")  # forward Euler grows here, as it must
 @pytest.mark.parametrize("name", CONVERGENT)
 def test_elastic_pendulum(name):
-    """The known answers: the error is of size θ^order, θ = ω h of the spring, and falls as fast as it should."""
+    """Errors below 4 t θ^order, θ = ω h, of which two steps h and h/2 tell the leading term.
+
+    Without it, less than 0.4 of the error at h/2 must be left. Were the true order one lower or higher, that would be
+    more than half: |2^p − 2^q|/(2^p − 1) for order q instead of p.
+    """
     order = INTEGRATORS[name].order
-    per_second = {1: 768, 2: 640, 3: 128, 4: 80, 5: 64}[order]
-    for row in ROWS if not INTEGRATORS[name].implicit and order > 1 else ROWS[:1]:
-        coarse, fine = (np.linalg.norm(pendulum_error(name, row, n * int(row[1] * per_second))) for n in (1, 2))
-        assert fine < 3.0 * (44.7 / (2.0 * per_second)) ** order
-        assert math.log2(coarse / fine) > order - 0.6
+    steps = (PER_SECOND_IMPLICIT if INTEGRATORS[name].implicit else PER_SECOND)[order]
+    for (_, end), coarse, fine in zip(
+        PENDULUM, pendulum_errors(name, steps), pendulum_errors(name, 2 * steps), strict=True
+    ):
+        assert np.linalg.norm(fine) < 4.0 * end * (OMEGA / (2 * steps)) ** order + LAST_DIGIT
+        rest = (2**order * fine - coarse) / (2**order - 1)
+        assert np.linalg.norm(rest) < 0.4 * np.linalg.norm(fine) + LAST_DIGIT
+
+
+@pytest.mark.parametrize("name", [cls.name for cls in ALL if cls.adaptive])
+def test_elastic_pendulum_by_tolerance(name):
+    """The error estimate is of the order of the method, so errors at the end are in proportion to the tolerance."""
+    errors = []
+    for tolerance in (1e-5, 1e-7):
+        options = {"rtol": tolerance, "position_tolerance": tolerance, "velocity_tolerance": tolerance}
+        found = pendulum_errors(name, 4, integrator_options=options)
+        errors.append(np.linalg.norm(found, axis=1))
+    assert (errors[1] < 1000.0 * 1e-7 * np.array([end for _, end in PENDULUM])).all()
+    assert (errors[1] < errors[0] / 20.0).all()
+
+
+@pytest.mark.parametrize("name", [cls.name for cls in ALL if cls.order == 0])
+def test_elastic_pendulum_without_order(name):
+    """The stiffness of PBD is made by its step, so small steps lead to another pendulum: a rigid one."""
+    swing = solve_ivp(lambda t, y: [y[1], -9.81 * math.cos(y[0])], (0.0, 2.0), [0.0, 0.0], rtol=1e-10, atol=1e-12)
+    place = np.array([math.cos(swing.y[0, -1]), math.sin(swing.y[0, -1])])
+    expected = place - np.array(PENDULUM[0.0, 2.0][:2])
+    assert np.linalg.norm(expected) > 0.05
+    np.testing.assert_allclose(pendulum_errors(name, PER_SECOND_IMPLICIT[0])[1][:2], expected, atol=5e-3)
 
 
 def test_tableaux_prove_their_order():

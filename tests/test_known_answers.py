@@ -33,29 +33,6 @@ def test_damped_spring_at_first_order():
     assert np.abs(extrapolated).max() < 1e-4 * np.abs(exact).max()
 
 
-@pytest.mark.parametrize(
-    ("k_d", "end", "expected"),
-    [
-        (0.0, 0.5, (0.409091381, -0.927079959, -3.852925616, -1.728877758)),
-        (0.0, 2.0, (0.760241003, -0.664284176, 2.326803297, 2.726887498)),
-        (0.5, 5.0, (0.972133967, -0.248863327, -0.514553791, -2.134610356)),
-    ],
-)
-def test_elastic_pendulum_at_first_order(k_d, end, expected):
-    errors = []
-    for n in (8000, 16000, 32000):
-        model = wc.Model.from_springs(
-            [[0, 0, 0], [1, 0, 0]], [1.0, 0.1], [[0, 1]], 1.0, 200.0, k_d, [0], precision="float64"
-        )
-        sim = wc.Simulation(model, gravity=(0, -9.81, 0), substeps=n)
-        sim.step(end)
-        got = np.hstack([sim.state.particle_q.numpy()[1, :2], sim.state.particle_qd.numpy()[1, :2]])
-        errors.append(got - np.array(expected))
-    norms = [float(np.linalg.norm(e)) for e in errors]
-    assert error_order(norms) == pytest.approx(1.0, abs=0.1)
-    assert np.linalg.norm(2.0 * errors[2] - errors[1]) < 0.05 * norms[2]
-
-
 def hanging_chain(count: int) -> float:
     """Sag [m] of the chain of section 3 with ``count`` springs, by heavily damped motion to rest."""
     mass, k_s, span = 0.1, 50.0, 0.8

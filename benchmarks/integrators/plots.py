@@ -77,21 +77,26 @@ def _mark_real_time(ax: Any, milliseconds: float) -> None:
     if left < milliseconds < right:
         ax.axvline(milliseconds, color="#999999", linewidth=1.0)
         ax.annotate(
-            "real time ", (milliseconds, 0.02), xycoords=("data", "axes fraction"), rotation=90, fontsize=9,
-            color="#777777", ha="right", va="bottom",
+            "real time", (milliseconds, 1.01), xycoords=("data", "axes fraction"), fontsize=9, color="#777777",
+            ha="center", va="bottom",
         )  # fmt: skip
 
 
 def _slopes(ax: Any, schemes: dict[str, Any], shown: Sequence[str]) -> None:
-    """Thin grey lines with the slopes of the orders that are there, from the upper left corner."""
+    """Thin grey lines with the slopes of the orders that are there, from the upper left corner; numbers at their ends,
+    where they have spread the most."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()  # the axis of steps runs from large to small
-    for order in sorted({schemes[name]["order"] for name in shown} - {0}):
+    orders = sorted({schemes[name]["order"] for name in shown} - {0})
+    lowest = bottom * (top / bottom) ** 0.02
+    for order in orders:
         x = np.array([left, right])
-        y = 0.5 * top * (x / left) ** order
-        ax.plot(x, y, color="#AAAAAA", linewidth=0.9, linestyle=":", zorder=1)
-        height = max(bottom * 3.0, 0.5 * top * (right / left) ** order)
+        ax.plot(x, 0.5 * top * (x / left) ** order, color="#AAAAAA", linewidth=0.9, linestyle=":", zorder=1)
+        height = max(lowest, 0.5 * top * (right / left) ** order)
         place = left * (height / (0.5 * top)) ** (1.0 / order)
-        ax.annotate(f"order {order}", (place, height), color="#777777", fontsize=9, ha="right", va="bottom", bbox=PATCH)
+        ax.annotate(str(order), (place, height), color="#777777", fontsize=9, ha="right", va="bottom", bbox=PATCH)
+    if orders:
+        note = {"xycoords": "axes fraction", "ha": "right", "va": "bottom", "color": "#777777", "fontsize": 9}
+        ax.annotate("dotted: slopes of orders " + ", ".join(map(str, orders)), (1.0, 1.01), **note)
     ax.set_xlim(left, right)
     ax.set_ylim(bottom, top)
 

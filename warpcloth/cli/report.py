@@ -11,6 +11,7 @@ import numpy as np
 from rich.console import Console, RenderableType
 
 INTERRUPTED = 130  # the shells' convention for Ctrl-C
+TABLE_WIDTH = 120  # columns where no terminal says how many there are
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,11 @@ def print_report(report: Report, stream: TextIO, *, as_json: bool) -> None:
     if as_json:
         stream.write(to_json(report.data) + "\n")
     else:
-        # In a pipe there is no width to wrap sentences at; tables have their own.
-        Console(file=stream).print(report.text, soft_wrap=isinstance(report.text, str), highlight=False)
+        # In a pipe there is no width to wrap sentences at; tables have their own, and room for it.
+        console = Console(file=stream)
+        if not console.is_terminal:
+            console.width = max(console.width, TABLE_WIDTH)
+        console.print(report.text, soft_wrap=isinstance(report.text, str), highlight=False)
     stream.flush()
 
 
