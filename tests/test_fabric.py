@@ -10,7 +10,7 @@ from warpcloth.scenes.load import scene_from_toml
 
 import warpcloth as wc
 from warpcloth.cli.main import run
-from warpcloth.cloth.grid import sheet_tensor
+from warpcloth.cloth.sheet import sheet_tensor
 from warpcloth.errors import FabricWarning, InputError, SceneError
 from warpcloth.fabric import rigidity_of_length
 

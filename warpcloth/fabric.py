@@ -18,8 +18,8 @@ _NOT_NEGATIVE = (
 class Fabric:
     """A fabric. All values are properties of the sheet, not of a mesh.
 
-    The warp runs along x of a grid and along u of a mesh with texture coordinates, the weft across it. Values for the
-    weft that are None are those of the warp.
+    The warp runs along x of a grid or mesh as it is before it is placed, the weft across it. Values for the weft that
+    are None are those of the warp.
 
     Args:
         name: for people and reports.
@@ -28,7 +28,8 @@ class Fabric:
         stretch_stiffness: Young's modulus Y of the sheet along the warp, force per width and strain [N/m], > 0.
         stretch_stiffness_weft: the same along the weft.
         shear_stiffness: shear modulus G of the sheet, force per width and angle [N/m], at most Y; 0: no shear springs.
-            Networks of springs tie Poisson's ratio to it: ν = G/C with C = (Y + √(Y² + 4 G²))/2.
+            Networks of springs tie Poisson's ratio to it: ν = G/C with C = (Y + √(Y² + 4 G²))/2. Other meshes
+            than grids have either this or Y, see ``springs`` of :meth:`warpcloth.Cloth.from_mesh`.
         bending_rigidity: moment per width and curvature B for bending along the warp [N m]; 0: none.
             :func:`rigidity_of_length` gives it from a bending length.
         bending_rigidity_weft: the same along the weft.

@@ -57,6 +57,12 @@ class ClothTable(Table):
         raise NotImplementedError
 
 
+SPRINGS = (
+    "What the springs have of the fabric: its `stretch` stiffness (shear follows), its `shear` stiffness (stretch "
+    "follows; for the drape of woven fabrics), or both, `fitted`, at the price of stiffer bending on coarse meshes."
+)
+
+
 class GridTable(ClothTable):
     """A rectangle in the xy plane, centred on its origin."""
 
@@ -94,6 +100,7 @@ class DiscTable(ClothTable):
     resolution: Annotated[int, Number("", 1, 1000, whole=True)] = field(
         16, "Rings of vertices between the centre and the edge."
     )
+    springs: Literal["stretch", "shear", "fitted"] = field("stretch", SPRINGS)
 
     @property
     def vertices(self) -> int:
@@ -101,7 +108,7 @@ class DiscTable(ClothTable):
         return 1 + 3 * self.resolution * (self.resolution + 1)
 
     def shaped(self, folder: Path, common: dict[str, Any]) -> Cloth:
-        return Cloth.disc(radius=self.radius, resolution=self.resolution, **common)
+        return Cloth.disc(radius=self.radius, resolution=self.resolution, springs=self.springs, **common)
 
 
 class InflationTable(Table):
@@ -125,11 +132,13 @@ class MeshClothTable(ClothTable):
     path: MeshPath
     prim: PrimPath
     scale: Annotated[float, positive("", 1e6)] = field(1.0, "Scale about the file's origin.")
+    springs: Literal["stretch", "shear", "fitted"] = field("stretch", SPRINGS)
     inflation: InflationTable | None = field(None, "Pressure inside a mesh that is closed.")
 
     def shaped(self, folder: Path, common: dict[str, Any]) -> Cloth:
         inflation = None if self.inflation is None else self.inflation.build()
-        return Cloth.from_mesh(mesh_source(self.path, folder), prim=self.prim, inflation=inflation, **common)
+        options: dict[str, Any] = {"prim": self.prim, "springs": self.springs, "inflation": inflation}
+        return Cloth.from_mesh(mesh_source(self.path, folder), **options, **common)
 
 
 CLOTHS = (GridTable, DiscTable, MeshClothTable)

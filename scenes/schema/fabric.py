@@ -30,13 +30,13 @@ class FabricTable(Table):
         None, "Contact thickness: two layers come to rest this far apart."
     )
     stretch_stiffness: Annotated[float, positive("N/m", 1e7)] | None = field(
-        None, "Young's modulus of the sheet along the warp (x of a grid, u of a mesh), force per width and strain."
+        None, "Young's modulus of the sheet along the warp (x of a grid or mesh), force per width and strain."
     )
     stretch_stiffness_weft: Annotated[float, positive("N/m", 1e7)] | None = field(
         None, "The same along the weft; by default that of the warp."
     )
     shear_stiffness: Annotated[float, at_least_zero("N/m", 1e7)] | None = field(
-        None, "Shear modulus of the sheet, at most its stretch stiffness. Grids only: on other meshes the edges fix it."
+        None, "Shear modulus of the sheet, at most its stretch stiffness; on meshes see their `springs`."
     )
     bending_rigidity: Annotated[float, at_least_zero("N m", 10.0)] | None = field(
         None, "Moment per width and curvature for bending along the warp."

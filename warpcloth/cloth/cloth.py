@@ -21,7 +21,7 @@ from .disc import disc_points, disc_triangles, rim
 from .grid import DIAGONALS, GridShape
 from .inflation import Inflation, check_closed
 from .pins import Pin, resolve_pins
-from .springs import SpringNetwork, lumped_masses, mesh_springs, triangle_areas
+from .springs import MESH_SPRINGS, SpringNetwork, lumped_masses, mesh_springs, triangle_areas
 
 MAX_RINGS = 2048  # 12.6 million vertices
 
@@ -145,6 +145,8 @@ class Cloth:
         transform: Any = None,
         name: str = "cloth",
         velocity: Any = (0.0, 0.0, 0.0),
+        *,
+        springs: str = "stretch",
     ) -> "Cloth":
         """A disc in the local xy plane, centred on the origin, facing +z: rings of nearly equilateral triangles.
 
@@ -153,6 +155,7 @@ class Cloth:
             resolution: rings around the centre, at least 1; ring i has 6 i vertices.
             pins: as for :meth:`grid`, with the names "rim" and "center".
             transform: rigid 4 × 4 matrix, or translation [m].
+            springs: as for :meth:`from_mesh`.
 
         Raises:
             InputError: on a value out of range.
@@ -167,7 +170,7 @@ class Cloth:
             name=name,
             points=placed,
             triangles=triangles,
-            springs=mesh_springs(flat, triangles, fabric),
+            springs=mesh_springs(flat, triangles, fabric, validate.choice(springs, MESH_SPRINGS, f"{label}: springs")),
             masses=lumped_masses(flat, triangles, fabric.areal_density),
             fabric=fabric,
             uvs=0.5 + 0.5 * flat[:, :2] / radius,
@@ -186,6 +189,7 @@ class Cloth:
         name: str | None = None,
         velocity: Any = (0.0, 0.0, 0.0),
         *,
+        springs: str = "stretch",
         prim: str | None = None,
         inflation: Inflation | None = None,
     ) -> "Cloth":
@@ -196,6 +200,8 @@ class Cloth:
             pins: vertex indices, ``pin_box(...)``, ``pin_nearest(...)``, or a list of these.
             transform: 4 × 4 matrix, which may scale, or translation [m].
             name: defaults to the name of the file or prim.
+            springs: what the mesh's springs have of the fabric: "stretch", "shear" or, at a price, both ("fitted"); see
+                :func:`~warpcloth.cloth.springs.mesh_springs`.
             prim: path or name of a mesh in a USD or glTF file with several; a parent of some means them joined.
             inflation: pressure inside a mesh that is closed.
 
@@ -207,12 +213,12 @@ class Cloth:
         name = mesh.name if name is None else name
         label = cloth_label(name)
         mesh = cloth_mesh(mesh.transformed(as_matrix(transform, f"{label}: transform")))
-        fabric = checked_fabric(fabric, label)
+        fabric, kind = checked_fabric(fabric, label), validate.choice(springs, MESH_SPRINGS, f"{label}: springs")
         return Cloth(
             name=name,
             points=mesh.points,
             triangles=mesh.triangles,
-            springs=mesh_springs(mesh.points, mesh.triangles, fabric),
+            springs=mesh_springs(mesh.points, mesh.triangles, fabric, kind),
             masses=lumped_masses(mesh.points, mesh.triangles, fabric.areal_density),
             fabric=fabric,
             uvs=mesh.uvs,

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..errors import FabricWarning
 from ..fabric import Fabric
+from .sheet import sheet_tensor
 from .springs import BEND, SHEAR, STRUCTURAL, SpringNetwork
 
 DIAGONALS = ("alternate", "same")
@@ -133,15 +134,6 @@ class GridShape:
             if q * q > (1.0 + 1e-12) / product:
                 bounds.append(q / (q * q - 1.0 / product))
         return float(min(bounds))
-
-
-def sheet_tensor(stretch: tuple[float, float], shear: float) -> tuple[float, float]:
-    """Components C_xx, C_yy [N/m] of a sheet with Young's moduli ``stretch`` [N/m], C_xxyy = C_xyxy = ``shear``.
-
-    Central forces have C_xxyy = C_xyxy (Cauchy's relation), so Y_x = C_xx − G²/C_yy and Y_y = C_yy − G²/C_xx.
-    """
-    share = 0.5 + 0.5 * np.sqrt(1.0 + 4.0 * shear * shear / (stretch[0] * stretch[1]))
-    return stretch[0] * share, stretch[1] * share
 
 
 def _warn_of_long_cells(fabric: Fabric, shear: float, aspect: float) -> None:

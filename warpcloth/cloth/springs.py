@@ -4,18 +4,24 @@ A spring p–q with rest length r pulls with k_s (|x_q − x_p|/r − 1) newtons
 seconds. Everything here turns properties of the sheet (per width) into such springs.
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .. import validate
-from ..errors import InputError
+from ..errors import FabricWarning, InputError
 from ..fabric import Fabric
 from ..meshes.topology import EdgeTable
 from ..validate import Array
+from .mesh_fit import extreme_moduli, fit_springs
 
 STRUCTURAL, SHEAR, BEND = 0, 1, 2
+MESH_SPRINGS = ("stretch", "shear", "fitted")
+LARGEST_DEVIATION = 0.1  # of a mesh's moduli from the fabric's before a warning
+LARGEST_ANISOTROPY = 1.5  # of its Young's moduli, likewise
+FEWEST_TRIANGLES = 100  # whose directions tell something about a sheet
 KIND_NAMES = ("structural", "shear", "bend")
 
 
@@ -90,28 +96,74 @@ def lumped_masses(points: np.ndarray, triangles: np.ndarray, areal_density: floa
     return np.bincount(triangles.ravel(), weights=thirds, minlength=len(points))
 
 
-def mesh_springs(points: np.ndarray, triangles: np.ndarray, fabric: Fabric) -> SpringNetwork:
-    """Springs of a manifold triangle mesh: structural ones along edges, bend springs across them.
+def mesh_springs(points: np.ndarray, triangles: np.ndarray, fabric: Fabric, kind: str = "stretch") -> SpringNetwork:
+    """Springs of a manifold triangle mesh: in its surface, and bend springs across edges.
 
-    An edge of length L has k_s = Y A/L, A the area of its one or two triangles. The energy density of a triangle under
-    a strain ε is then Y/2 Σ (nᵀ ε n)² over its edge directions n: Young's modulus is Y and Poisson's ratio 1/3, exactly
-    for equilateral triangles (Seung and Nelson 1988) and on average over the orientations of any others. A bend spring
-    joins the vertices opposite to an edge and has k_s = bend_stiffness A/L with L its own length.
+    "stretch" and "shear" put springs along edges only; an edge of length L has k_s = Y A/L, A the area of its one or
+    two triangles. The energy density of a triangle under a strain ε is then Y/2 Σ (nᵀ ε n)² over its edge directions n:
+    Young's modulus is Y, Poisson's ratio 1/3 and the shear modulus 3/8 Y, exactly for equilateral triangles (Seung and
+    Nelson 1988) and on average over the orientations of any others. Y is the mean of the fabric's two for "stretch";
+    "shear" has the fabric's G instead and Y = 8/3 G, which suits the drape of woven fabrics: they shear long before
+    they stretch. "fitted" adds springs to vertices further away and has all of the fabric's moduli
+    (:mod:`warpcloth.cloth.mesh_fit`); but such springs resist bending where cells are large, with an energy that grows
+    with the fourth power of curvature and size.
+
+    A bend spring joins the vertices opposite to an edge and has k_s = bend_stiffness A/L with L its own length.
 
     Args:
         points: [m], shape [n, 3].
         triangles: shape [m, 3], at most two to an edge.
-        fabric: shear_stiffness is not used.
+        fabric: its warp runs along x.
+        kind: one of :data:`MESH_SPRINGS`.
+
+    Warns:
+        FabricWarning: the springs have other moduli than they should, or differ much between directions.
     """
-    areas = triangle_areas(points, triangles)
     table = EdgeTable.of(triangles)
-    edges, edge_area = table.edges, np.bincount(table.of_side, weights=np.repeat(areas, 3))
-    lengths = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
-    stiffness = fabric.stretch_stiffness * edge_area / lengths
-    parts = [SpringNetwork.from_pairs(edges, points, stiffness, STRUCTURAL, fabric.damping_time)]
+    edge_area = np.bincount(table.of_side, weights=np.repeat(triangle_areas(points, triangles), 3))
+    if kind == "fitted":
+        fitted = fit_springs(points, triangles, np.array([1.0, 0.0, 0.0]), fabric.stretch, fabric.shear_stiffness)
+        _warn_of_other_moduli(fabric, fitted.young, fitted.shear)
+        pairs, stiffness = fitted.pairs, fitted.stiffness
+    else:
+        young = np.mean(fabric.stretch) if kind == "stretch" else 8.0 / 3.0 * fabric.shear_stiffness
+        pairs = table.edges
+        stiffness = young * edge_area / np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
+        _warn_of_anisotropy(fabric, points, triangles, pairs, stiffness)
+    count, parts = len(table.edges), []
+    for part, family in ((slice(count), STRUCTURAL), (slice(count, None), SHEAR)):
+        if len(pairs[part]) and stiffness[part].max() > 0.0:
+            parts.append(SpringNetwork.from_pairs(pairs[part], points, stiffness[part], family, fabric.damping_time))
     if fabric.bend_stiffness > 0.0:
         parts.append(_across_edges(points, triangles, table, edge_area, fabric))
     return SpringNetwork.joined(parts)
+
+
+def _warn_of_other_moduli(fabric: Fabric, young: tuple[float, float], shear: float) -> None:
+    """Says so where one of the moduli that the springs have is off by more than a tenth."""
+    wanted, found = (*fabric.stretch, fabric.shear_stiffness), (*young, shear)
+    if max(abs(a - b) / max(a, b) for a, b in zip(wanted, found, strict=True)) > LARGEST_DEVIATION:
+        warnings.warn(
+            f"Fabric '{fabric.name}' should have stretch stiffnesses of {wanted[0]:.3g} and {wanted[1]:.3g} N/m and a "
+            f"shear stiffness of {wanted[2]:.3g} N/m, but springs on this mesh give it about {found[0]:.3g}, "
+            f"{found[1]:.3g} and {found[2]:.3g}; a grid can have more unequal ones than other meshes.",
+            FabricWarning,
+            stacklevel=4,
+        )
+
+
+def _warn_of_anisotropy(
+    fabric: Fabric, points: np.ndarray, triangles: np.ndarray, pairs: np.ndarray, stiffness: np.ndarray
+) -> None:
+    """Says so where springs along edges are much stiffer one way than another, as with diagonals all one way."""
+    weakest, stiffest = extreme_moduli(points, triangles, pairs, stiffness)
+    if stiffest > LARGEST_ANISOTROPY * weakest and len(triangles) >= FEWEST_TRIANGLES:
+        warnings.warn(
+            f"Fabric '{fabric.name}' stretches {stiffest / weakest:.2g} times as easily in one direction of this mesh "
+            "as in another, as its edges lie; use a mesh with edges in more directions, or springs = 'fitted'.",
+            FabricWarning,
+            stacklevel=4,
+        )
 
 
 def _across_edges(
