@@ -70,8 +70,11 @@ def make_model(scenes: Sequence[BuiltScene]) -> Model:
     return Model.from_springs(net.points, net.masses, *laws, net.pinned, **placed)
 
 
-def make_simulation(scenes: Sequence[BuiltScene], model: Model) -> Simulation:
+def make_simulation(scenes: Sequence[BuiltScene], model: Model, *, profile: bool = False) -> Simulation:
     """The simulation of :func:`make_model`'s model; but for gravity and air the scenes have the same options.
+
+    Args:
+        scenes: what the model was made of. model: the model. profile: see :class:`warpcloth.Simulation`.
 
     Raises:
         InputError: an option that the integrator does not take.
@@ -85,6 +88,7 @@ def make_simulation(scenes: Sequence[BuiltScene], model: Model) -> Simulation:
         gravity=[built.scene.simulation.gravity for built in scenes],
         substeps=options.substeps,
         contact=options.contact,
+        profile=profile,
         air=[built.scene.air.build(built.scene.seed) for built in scenes],
     )
 

@@ -25,8 +25,14 @@ class SimulationResult:
         wall_s: Wall time of everything, writing included [s].
         mean_strain: Mean of the springs' |strain|.
         max_strain: Largest |strain| of a spring.
-        intersections: Pairs of cloth triangles that cross.
+        intersections: Pairs of cloth triangles that meet. This and the next two are the worst of all frames, the start
+            included, if every frame was checked.
+        obstacle_intersections: Pairs of a cloth's triangle and a box's or mesh's that meet.
         max_penetration_m: Greatest depth of a particle below an obstacle's surface [m].
+        checked_frames: Frames that were checked for those three.
+        bad_frames: How many of these have triangles of cloth that meet.
+        contact: What contact among cloths did, see :class:`warpcloth.contact.ContactStage`; empty without it.
+        profile_ms: Mean wall time of each stage of a frame [ms], the first frame aside; empty without ``profile``.
         settled: Whether the cloth has come to rest.
         solver: What the integrator says of its own work, e.g. iterations; empty for explicit ones.
         interrupted: Whether it was stopped before its last frame.
@@ -49,7 +55,12 @@ class SimulationResult:
     mean_strain: float
     max_strain: float
     intersections: int
+    obstacle_intersections: int
     max_penetration_m: float
+    checked_frames: int
+    bad_frames: int
+    contact: dict[str, Any]
+    profile_ms: dict[str, float]
     settled: bool
     solver: dict[str, Any]
     interrupted: bool

@@ -203,3 +203,41 @@ def test_wrong_options_are_explained_and_leave_no_file(options, sentence, tmp_pa
         simulate(load_scene("hanging"), tmp_path / "x.usdc", **options)
     assert sentence in str(caught.value)
     assert list(tmp_path.iterdir()) == []
+
+
+PASSING = NAPKIN.replace('device = "cpu"', 'device = "cpu"\nintegrator = "xpbd"\nsubsteps = 4\ngravity = [0, 0, 0]') + (
+    """velocity = [0, 0, -3.0]
+
+[[cloth]]
+name = "towel"
+shape = "grid"
+size = [0.2, 0.2]
+resolution = [4, 4]
+position = [0.0, 0.0, 0.85]
+rotation = [30.0, 0.0, 0.0]
+"""
+)
+
+
+def test_every_frame_is_checked_on_request(tmp_path):
+    """One cloth passes through the other; at the end both are apart again."""
+    scene = scene_from_toml(PASSING)
+    last, every = (simulate(scene, tmp_path / "out.usda", check=check) for check in ("last", "every"))
+    assert (last.intersections, last.checked_frames, last.bad_frames) == (0, 1, 0)
+    assert every.intersections > 0
+    assert every.checked_frames == 7
+    assert 0 < every.bad_frames < 7
+    assert last.profile_ms == {}
+
+
+def test_the_profile_has_the_stages_of_contact(tmp_path):
+    scene = scene_from_toml(PASSING.replace("gravity", 'contact = "all"\ngravity'))
+    result = simulate(scene, tmp_path / "out.usda", check="every", profile=True)
+    assert set(result.profile_ms) == {"detect", "integrate", "respond", "guard"}
+    assert all(spent > 0.0 for spent in result.profile_ms.values())
+    assert result.intersections == 0
+    assert result.contact["contact_impacts"] > 0
+    napkin, towel = (points(result.output, f"/World/Cloth/{name}", 6)[:, 2].mean() for name in ("napkin", "towel"))
+    assert napkin > towel  # it is still above
+    plain = simulate(scene, tmp_path / "plain.usda")
+    assert np.array_equal(*(points(r.output, "/World/Cloth/napkin", 6) for r in (result, plain)))

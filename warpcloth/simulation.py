@@ -16,6 +16,7 @@ from .integrators import make_integrator
 from .kinematics import drive_pins
 from .model import Model
 from .state import State
+from .stopwatch import Stopwatch
 
 REST_SPEED = 0.01  # [m/s] root mean square below which cloth counts as at rest
 REST_TIME = 0.25  # [s] for which it must stay so
@@ -37,6 +38,7 @@ class Simulation:
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
         graph: capture each frame as a graph and replay it, where the device can.
         check: after each frame, raise if anything is not finite.
+        profile: time the stages of each frame; it then runs without graphs, to the same result.
 
     Raises:
         InputError: on unknown names or numbers out of range.
@@ -47,6 +49,8 @@ class Simulation:
         forces: all :class:`Forces`.
         time: simulated time [s].
         substeps: steps per frame in use; 0 before the first frame when "auto".
+        watch: with ``profile``, the wall times [s] of detecting contact, integrating, responding to contact, and the
+            guard, in ``watch.seconds``.
     """
 
     def __init__(
@@ -62,6 +66,7 @@ class Simulation:
         assembly: str = "scatter",
         graph: bool = True,
         check: bool = True,
+        profile: bool = False,
     ):
         self.model = model
         self.integrator = make_integrator(integrator, model, integrator_options)
@@ -80,7 +85,8 @@ class Simulation:
         self.substeps = 0 if self._auto else validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
         # Warp records no mesh refit into a CPU graph (1.19), so frames with deforming obstacles run directly there.
         records = self.integrator.capturable and not (model.shapes.deforming and model.device.is_cpu)
-        self.graph = validate.flag(graph, "graph") and records
+        self.watch = Stopwatch(model.device, validate.flag(profile, "profile"))
+        self.graph = validate.flag(graph, "graph") and records and not self.watch.active
         self.check = validate.flag(check, "check")
         self.time = 0.0
         self._graphs: dict[tuple[float, int], wp.Graph] = {}
@@ -190,18 +196,22 @@ class Simulation:
         interval = self.contact.interval(dt, substeps)
         for number in range(substeps):
             if number % interval == 0:
-                self.contact.begin(now)
+                with self.watch.stage("detect"):
+                    self.contact.begin(now)
             self._substep(now, later, dt / substeps)
             now, later = later, now
             if (number + 1) % interval == 0 or number + 1 == substeps:
-                self.contact.end(now)
+                with self.watch.stage("guard"):
+                    self.contact.end(now)
         if now is not self.state:
             self.state.copy_from(now)
 
     def _substep(self, now: State, later: State, dt: float) -> None:
         later.forces_current = False
-        self.integrator.step(self.model, now, later, self.forces, dt)
-        self.contact.resolve(now, later, dt)
+        with self.watch.stage("integrate"):
+            self.integrator.step(self.model, now, later, self.forces, dt)
+        with self.watch.stage("respond"):
+            self.contact.resolve(now, later, dt)
         self.forces.advance(later)
         later.forces_current &= not self.contact.acts
         wp.launch(

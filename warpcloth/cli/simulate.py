@@ -29,6 +29,8 @@ Frames = Annotated[str | None, typer.Option(metavar="N", help="Frames to simulat
 Integrator = Annotated[str | None, typer.Option(help="Time integrator (see `integrators`).")]
 Substeps = Annotated[str | None, typer.Option(metavar="N|auto", help="Steps per frame, or auto.")]
 Device = Annotated[str | None, typer.Option(help="Device, e.g. cpu or cuda:0.")]
+Check = Annotated[str, typer.Option(metavar="every|last", help="Frames to check for intersections and penetration.")]
+Profile = Annotated[bool, typer.Option("--profile", help="Time the stages of each frame.")]
 Precision = Annotated[str | None, typer.Option(help="float32 or float64.")]
 
 
@@ -41,13 +43,15 @@ def command(
     substeps: Substeps = None,
     device: Device = None,
     precision: Precision = None,
+    check: Check = "last",
+    profile: Profile = False,
 ) -> Report:
     """Simulate SCENE and write it as a USD cache."""
     from ..scenes import load_scene, simulate
 
     loaded = load_scene(scene, changes or ())
     start_warp()
-    options = {"integrator": integrator, "device": device, "precision": precision}
+    options = {"integrator": integrator, "device": device, "precision": precision, "check": check, "profile": profile}
     with progress_bar(loaded.name) as on_frame:
         result = simulate(
             loaded, output, frames=_whole(frames), substeps=_whole(substeps), on_frame=on_frame, **options
@@ -88,6 +92,10 @@ def _summary(result: "SimulationResult") -> str:
         f"{result.ms_per_frame:.1f} ms per frame, {result.compile_s:.1f} s to prepare, {result.wall_s:.1f} s in all",
         f"strain {100 * result.mean_strain:.2g} % on average and {100 * result.max_strain:.2g} % at most; "
         f"{'at rest' if result.settled else 'still moving'}",
-        f"deepest penetration {1e3 * result.max_penetration_m:.3g} mm, {result.intersections} crossing triangle pairs",
+        f"deepest penetration {1e3 * result.max_penetration_m:.3g} mm, {result.intersections} crossing triangle pairs, "
+        f"{result.obstacle_intersections} with obstacles ({'every' if result.checked_frames > 1 else 'last'} frame)",
     ]
+    if result.profile_ms:
+        stages = (f"{name} {spent:.2f}" for name, spent in result.profile_ms.items())
+        lines.append(f"ms per frame: {', '.join(stages)}")
     return "\n  ".join(lines)
