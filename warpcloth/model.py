@@ -46,7 +46,8 @@ class Model:
         particle_friction: Coulomb coefficient [-].
         spring_indices: ends of each spring, vec2i, shape [spring_count]. spring_rest_length [m].
         spring_stiffness: k_s [N]. spring_damping: k_d [N s]. spring_group: 0 in-plane, 1 bending. spring_kind: see
-            :mod:`warpcloth.cloth.springs`.
+            :mod:`warpcloth.cloth.springs`. spring_limit, spring_limit_stiffness: strain limit [-] and what is added
+            beyond it [N]; limits_strain: whether there is any.
         particle_spring_start, particle_spring_ids: the springs of each particle in rising order (compressed rows).
         tri_indices: corners of each triangle, int32, shape [tri_count, 3]. tri_air_drag, tri_air_friction: coefficients
             of the air's force across and along each [-]. tri_corner_share: share of each corner in its triangle's mass,
@@ -188,6 +189,9 @@ class Model:
         self.spring_damping = self.array(parts.damping, real)
         self.spring_kind = self.array(parts.kinds.astype(np.int32), wp.int32)
         self.spring_group = self.array(parts.groups, wp.int32)
+        self.spring_limit = self.array(parts.limits, real)
+        self.spring_limit_stiffness = self.array(parts.limit_stiffness, real)
+        self.limits_strain = bool(np.any(parts.limit_stiffness > 0.0))
         start, ids = incident_rows(parts.springs.reshape(-1, 2), self.particle_count)
         self.particle_spring_start = self.array(start, wp.int32)
         self.particle_spring_ids = self.array(ids, wp.int32)

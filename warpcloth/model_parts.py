@@ -15,7 +15,7 @@ from .motion import Motion
 if TYPE_CHECKING:
     from .cloth import Cloth
 
-BEND_KIND = 2
+STRUCTURAL_KIND, BEND_KIND = 0, 2
 
 
 @dataclass
@@ -40,6 +40,8 @@ class Parts:
     stiffness: np.ndarray
     damping: np.ndarray
     kinds: np.ndarray
+    limits: np.ndarray
+    limit_stiffness: np.ndarray
     triangles: np.ndarray
     corner_share: np.ndarray
     air_drag: np.ndarray
@@ -110,12 +112,21 @@ def _piece(world: int, cloth: "Cloth", first: int) -> dict[str, np.ndarray]:
         "stiffness": net.stiffness,
         "damping": net.damping,
         "kinds": net.kinds,
+        **_limits(cloth),
         "triangles": cloth.triangles + first,
         "corner_share": cloth.corner_share,
         "air_drag": np.full(len(cloth.triangles), cloth.fabric.air_drag),
         "air_friction": np.full(len(cloth.triangles), cloth.fabric.air_friction),
         "bend_damping": cloth.fabric.damping_time * cloth.bending.stiffness,
     }
+
+
+def _limits(cloth: "Cloth") -> dict[str, np.ndarray]:
+    """Strain limit [-] of each spring and its k_L [N], on structural ones in the ratio of the fabric's stiffnesses."""
+    fabric, net = cloth.fabric, cloth.springs
+    ratio = 0.0 if fabric.strain_limit is None else fabric.limit_stiffness / fabric.stretch_stiffness
+    stiffness = np.where(net.kinds == STRUCTURAL_KIND, ratio * net.stiffness, 0.0)
+    return {"limits": np.full(len(net), fabric.strain_limit or 0.0), "limit_stiffness": stiffness}
 
 
 def _bags(cloth: "Cloth") -> list[tuple[float, float, float, bool, float]]:
@@ -162,6 +173,8 @@ def parts_of_network(
         stiffness=_column(k_s, s, "k_s"),
         damping=_column(k_d, s, "k_d"),
         kinds=np.zeros(s, np.uint8),
+        limits=np.zeros(s),
+        limit_stiffness=np.zeros(s),
         triangles=np.zeros((0, 3), np.int32),
         corner_share=np.zeros((0, 3)),
         air_drag=np.zeros(0),

@@ -11,8 +11,9 @@ from . import diagnostics, stability, validate
 from .air import Air
 from .contact import CONTACTS, ContactStage
 from .errors import ContactWarning, ConvergenceWarning, InputError, StabilityWarning
-from .forces import AirDrag, Bending, Forces, ForceTerm, Pressure, Springs
-from .integrators import make_integrator
+from .forces import AirDrag, Bending, Forces, ForceTerm, Pressure, Springs, StrainLimit
+from .integrators import Integrator, make_integrator
+from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
 from .model import Model
 from .state import State
@@ -70,7 +71,9 @@ class Simulation:
     ):
         self.model = model
         self.integrator = make_integrator(integrator, model, integrator_options)
-        self.forces = Forces(model, force_terms(model, assembly, air), self._world_gravity(gravity))
+        self.forces = Forces(model, force_terms(model, self.integrator, assembly, air), self._world_gravity(gravity))
+        passes = model.limits_strain and self.integrator.solves_springs_only
+        self._limit_pass = LimitPass(model) if passes else None
         self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"))
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
@@ -210,6 +213,8 @@ class Simulation:
         later.forces_current = False
         with self.watch.stage("integrate"):
             self.integrator.step(self.model, now, later, self.forces, dt)
+            if self._limit_pass is not None:
+                self._limit_pass.apply(later, dt)
         with self.watch.stage("respond"):
             self.contact.resolve(now, later, dt)
         self.forces.advance(later)
@@ -292,7 +297,9 @@ class Simulation:
         return self.model.array(np.broadcast_to(values, (count, 3)), self.model.vec3)
 
 
-def force_terms(model: Model, assembly: str, air: Air | Sequence[Air] | None) -> list[ForceTerm]:
+def force_terms(
+    model: Model, integrator: Integrator, assembly: str, air: Air | Sequence[Air] | None
+) -> list[ForceTerm]:
     """All forces but gravity that act on a model; arguments as for :class:`Simulation`."""
     airs = [] if air is None else list(air) if isinstance(air, Sequence) else [air] * model.world_count
     for item in airs:
@@ -307,4 +314,6 @@ def force_terms(model: Model, assembly: str, air: Air | Sequence[Air] | None) ->
         terms.append(AirDrag(model, airs))
     if model.bag_count > 0:
         terms.append(Pressure(model))
+    if model.limits_strain and not integrator.solves_springs_only:
+        terms.append(StrainLimit(model))
     return terms

@@ -69,7 +69,8 @@ class _Network:
         self.inverse_mass = model.particle_inv_mass.numpy().astype(np.float64)
         self.bending = _Bending(model)
         per_length = (1.0 if springs else 0.0) / model.spring_rest_length.numpy().astype(np.float64)
-        self.stiffness = (model.spring_stiffness.numpy() * per_length, self.bending.stiffness)
+        limited = model.spring_stiffness.numpy() + model.spring_limit_stiffness.numpy()
+        self.stiffness = (limited * per_length, self.bending.stiffness)
         self.damping = (model.spring_damping.numpy() * per_length, self.bending.damping)
         self.directions = None
         if positions is not None:

@@ -179,7 +179,7 @@ class _System:
 
     def _targets(self, stretch: tuple[float, float], shear: float) -> np.ndarray:
         xxxx, yyyy = sheet_tensor(stretch, shear)
-        component = dict(zip(_FOUR, (xxxx, 0.0, shear, 0.0, yyyy), strict=True))
+        component: dict[tuple[int, ...], float] = dict(zip(_FOUR, (xxxx, 0.0, shear, 0.0, yyyy), strict=True))
         border = self.patches.border / np.sqrt(self.patches.area)[:, None]
         pulled = [-sum(component[tuple(sorted((*three, d)))] * border[:, d] for d in range(2)) for three in _THREE]
         tensor = np.tile([component[four] for four in _FOUR], (len(border), 1))

@@ -5,5 +5,9 @@ from .base import Forces, ForceTerm, Hessian, Linearization
 from .bending import Bending
 from .pressure import Pressure
 from .springs import ASSEMBLIES, Springs
+from .strain_limit import StrainLimit
 
-__all__ = ["ASSEMBLIES", "AirDrag", "Bending", "ForceTerm", "Forces", "Hessian", "Linearization", "Pressure", "Springs"]
+__all__ = [
+    "ASSEMBLIES", "AirDrag", "Bending", "ForceTerm", "Forces", "Hessian", "Linearization", "Pressure", "Springs",
+    "StrainLimit",
+]  # fmt: skip

@@ -19,6 +19,7 @@ class Integrator(Protocol):
         symplectic: conserves phase-space area (so energy stays bounded) when there is no damping.
         capturable: a step does the same launches every time, so that it can be part of a graph.
         adaptive: divides the step it is given as the error demands, so that no step is too large for it.
+        solves_springs_only: all other forces act as they were at the start of the step, so stiff ones need a pass.
         couples_worlds: step sizes or iteration counts are decided over all worlds at once, so a world's result depends,
             within the tolerance, on the worlds beside it; elsewhere a world among others is bitwise that world alone.
         conserves_linear_momentum, conserves_angular_momentum: to round-off, without pins and outer forces, also with
@@ -34,6 +35,7 @@ class Integrator(Protocol):
     symplectic: ClassVar[bool]
     capturable: ClassVar[bool]
     adaptive: ClassVar[bool] = False
+    solves_springs_only: ClassVar[bool] = False
     couples_worlds: ClassVar[bool] = False
     conserves_linear_momentum: ClassVar[bool] = True
     conserves_angular_momentum: ClassVar[bool] = False

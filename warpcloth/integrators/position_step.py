@@ -29,6 +29,7 @@ class PositionStep(Integrator):
     implicit = True
     symplectic = False
     capturable = True
+    solves_springs_only = True
     sweep_value = 1.0  # sweeps of XPBD that an iteration is worth on hanging cloth
 
     def __init__(self, model: Model, iterations: int, warm_start: float = 0.0):
