@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from .render import picture_bar
 from .report import INTERRUPTED, Report
 from .terminal import messages, start_warp
 
@@ -32,6 +33,7 @@ Device = Annotated[str | None, typer.Option(help="Device, e.g. cpu or cuda:0.")]
 Check = Annotated[str, typer.Option(metavar="every|last", help="Frames to check for intersections and penetration.")]
 Profile = Annotated[bool, typer.Option("--profile", help="Time the stages of each frame.")]
 Precision = Annotated[str | None, typer.Option(help="float32 or float64.")]
+Render = Annotated[bool, typer.Option("--render", help="Also make a film of it, beside the cache (see `render`).")]
 
 
 def command(
@@ -45,18 +47,40 @@ def command(
     precision: Precision = None,
     check: Check = "last",
     profile: Profile = False,
+    render: Render = False,
 ) -> Report:
     """Simulate SCENE and write it as a USD cache."""
     from ..scenes import load_scene, simulate
 
     loaded = load_scene(scene, changes or ())
+    if render:
+        _check_renderer()
     start_warp()
     options = {"integrator": integrator, "device": device, "precision": precision, "check": check, "profile": profile}
     with progress_bar(loaded.name) as on_frame:
         result = simulate(
             loaded, output, frames=_whole(frames), substeps=_whole(substeps), on_frame=on_frame, **options
         )
-    return Report(result.as_dict(), _summary(result), INTERRUPTED if result.interrupted else 0)
+    data, text = result.as_dict(), _summary(result)
+    if render and not result.interrupted:
+        film = _film(result.output)
+        data["film"], text = film, f"{text}\n{film}"
+    return Report(data, text, INTERRUPTED if result.interrupted else 0)
+
+
+def _check_renderer() -> None:
+    """Finds out before the simulation, not after it, that a library is missing."""
+    from ..render.paint import pyvista
+
+    pyvista()
+
+
+def _film(cache: Path) -> Path:
+    """Renders a film beside a cache."""
+    from ..render import render
+
+    with picture_bar(cache.name) as on_picture:
+        return render(cache, on_picture=on_picture).output
 
 
 @contextmanager
