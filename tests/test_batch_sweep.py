@@ -148,3 +148,9 @@ def test_the_readme_has_every_field_and_its_example_works(tmp_path):
     sweep = load_sweep(tmp_path / "napkins.toml", ["count=20"])
     sweep.check()
     assert {sweep.sample(index).parameters["cloth.0.fabric"] for index in range(20)} == {"cotton", "silk", "denim"}
+
+
+def test_the_sweep_of_the_benchmark_is_valid():
+    sweep = load_sweep(Path(__file__).parents[1] / "benchmarks" / "batch" / "thousand.toml", ["count=12"])
+    sweep.check()
+    assert sweep.sample(0).scene.cloth[0].resolution == (32, 32)

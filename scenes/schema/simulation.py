@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from warpcloth.integrators import integrators
+from warpcloth.integrators import INTEGRATORS
 
 from .table import Table, field
 from .values import Number, OneOf, Options, Or, Text, Vector
@@ -11,7 +11,7 @@ from .values import Number, OneOf, Options, Or, Text, Vector
 class SimulationTable(Table):
     """How the scene is simulated. The command line's flags of the same names come before it."""
 
-    integrator: Annotated[str, OneOf("the name of an integrator", integrators)] = field(
+    integrator: Annotated[str, OneOf("the name of an integrator", lambda: INTEGRATORS)] = field(
         "symplectic_euler", "Time integrator; `warpcloth integrators` lists them."
     )
     integrator_options: Annotated[dict[str, Any], Options()] = field(

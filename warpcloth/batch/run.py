@@ -1,5 +1,6 @@
 """A batch from beginning to end, and what can be said of one at any time."""
 
+import contextlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
@@ -7,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .assembly import write_assembly
+from .cluster import Cluster, ClusterPool
 from .folder import BatchFolder
 from .job import Outcome
 from .manifest import write_manifest
@@ -69,15 +71,20 @@ def run_batch(
         SimulationError: the batch as a whole cannot go on. What is complete stays.
     """
     folder = BatchFolder(path)
-    with folder.locked():
+    with folder.locked(), contextlib.ExitStack() as exits:
         folder.claim(sweep)
         folder.sweep_up()
         if retry_failed:
             folder.forget_failed()
+        cluster = None
+        if ray is not None:
+            cluster = Cluster(ray)
+            exits.callback(cluster.close)
+            workers = workers or max(1, cluster.processors)
         plan = make_plan(sweep, folder, workers, worlds)
         folder.check_space(plan.bytes)
         try:
-            for outcome in _outcomes(sweep, folder, plan, ray):
+            for outcome in _outcomes(sweep, folder, plan, cluster):
                 if on_progress is not None:
                     on_progress(plan, outcome)
         finally:
@@ -114,11 +121,14 @@ def status_of(folder: BatchFolder, running: bool | None = None) -> Status:
     )
 
 
-def _outcomes(sweep: Sweep, folder: BatchFolder, plan: Plan, ray: str | None) -> Iterator[Outcome | None]:
+def _outcomes(sweep: Sweep, folder: BatchFolder, plan: Plan, cluster: Cluster | None) -> Iterator[Outcome | None]:
     finished = set(folder.finished())
     left = [index for index in range(sweep.count) if index not in finished]
     queue = Queue(left, plan.worlds, plan.workers)
-    yield from LocalPool(sweep, folder, queue, plan.workers, plan.gpus).run()
+    if cluster is not None:
+        yield from ClusterPool(cluster, sweep, folder, queue, plan.workers).run()
+    else:
+        yield from LocalPool(sweep, folder, queue, plan.workers, plan.gpus).run()
 
 
 def _rate(folder: BatchFolder, finished: list[int]) -> float | None:

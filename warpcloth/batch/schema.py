@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from ..scenes.schema.table import Choice, Table, choice, field
-from ..scenes.schema.values import Number, Text, Vector, positive, refuse
+from ..scenes.schema.values import Number, Rows, Text, Vector, positive, refuse
 
 ANY = Number("", -1e12, 1e12)
 SHARE = positive("", 1e12)
@@ -34,7 +34,9 @@ class ParameterTable(Choice):
     glob: Annotated[str, Text("", "a pattern of file names such as 'meshes/*.obj'", 4096)] | None = choice(
         "Files that match a pattern, relative to the sweep file; each is a value, in the order of their names."
     )
-    weights: list[Annotated[float, SHARE]] | None = field(None, "How often each of `values` comes, relative to others.")
+    weights: Annotated[tuple[float, ...], Rows(SHARE)] | None = field(
+        None, "How often each of `values` comes, relative to others."
+    )
     whole: bool = field(False, "Whether to round to whole numbers.")
 
     @model_validator(mode="after")

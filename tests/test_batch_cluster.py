@@ -1,0 +1,57 @@
+"""A batch on a Ray cluster of two nodes on this machine, one of which is killed in mid-run."""
+
+import psutil
+import pytest
+from batch_sweeps import SCENE, SWEEP, contents, simulated, written
+
+from warpcloth.batch import load_sweep
+from warpcloth.batch.run import run_batch
+from warpcloth.errors import InputError
+
+ray = pytest.importorskip("ray", reason="the extra 'cluster' is not installed")
+
+
+@pytest.fixture
+def cluster():
+    """Two nodes of one processor each, and a head without any."""
+    from ray.cluster_utils import Cluster
+
+    nodes = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
+    nodes.doomed = nodes.add_node(num_cpus=1)
+    nodes.add_node(num_cpus=1)
+    try:
+        yield nodes
+    finally:
+        ray.shutdown()
+        nodes.shutdown()
+
+
+@pytest.mark.filterwarnings("ignore")  # Ray's own
+def test_a_dead_node_loses_nothing(tmp_path, cluster):
+    path = written(tmp_path, SWEEP.replace("count = 6", "count = 12"), SCENE)
+    undisturbed, _ = simulated(path, tmp_path / "undisturbed", worlds=5)
+    seen, alive = [], []
+
+    def on_progress(plan, outcome):
+        assert plan.workers == 2
+        alive.append(sum(node["Alive"] for node in ray.nodes()))
+        if outcome is not None:
+            seen.append(outcome.index)
+        elif seen and cluster.doomed is not None:  # both nodes have been given work again
+            cluster.remove_node(cluster.doomed, allow_graceful=False)
+            cluster.doomed = None
+
+    status = run_batch(load_sweep(path), tmp_path / "batch", worlds=2, ray=cluster.address, on_progress=on_progress)
+    assert (status.done, status.failed) == (12, 0)
+    assert (alive[0], alive[-1]) == (3, 2)
+    assert sorted(seen) == list(range(12))
+    folder = type(undisturbed)(tmp_path / "batch")
+    assert contents(folder) == contents(undisturbed)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_no_cluster_is_said_in_a_sentence(tmp_path):
+    sweep = load_sweep(written(tmp_path))
+    with pytest.raises(InputError, match=r"There is no Ray cluster at 'auto'"):
+        run_batch(sweep, tmp_path / "batch", ray="auto")
+    assert not [child for child in psutil.Process().children() if "raylet" in child.name()]
