@@ -70,26 +70,27 @@ def make_model(scenes: Sequence[BuiltScene]) -> Model:
     return Model.from_springs(net.points, net.masses, *laws, net.pinned, **placed)
 
 
-def make_simulation(scenes: Sequence[BuiltScene], model: Model, *, profile: bool = False) -> Simulation:
+def make_simulation(scenes: Sequence[BuiltScene], model: Model, **options: bool) -> Simulation:
     """The simulation of :func:`make_model`'s model; but for gravity and air the scenes have the same options.
 
     Args:
-        scenes: what the model was made of. model: the model. profile: see :class:`warpcloth.Simulation`.
+        scenes: what the model was made of. model: the model.
+        options: ``profile`` and ``untangled``, see :class:`warpcloth.Simulation`.
 
     Raises:
         InputError: an option that the integrator does not take.
         BadStartError: cloth starts inside an obstacle, or intersecting.
     """
-    options = scenes[0].scene.simulation
+    table = scenes[0].scene.simulation
     return Simulation(
         model,
-        integrator=options.integrator,
-        integrator_options=options.integrator_options,
+        integrator=table.integrator,
+        integrator_options=table.integrator_options,
         gravity=[built.scene.simulation.gravity for built in scenes],
-        substeps=options.substeps,
-        contact=options.contact,
-        profile=profile,
+        substeps=table.substeps,
+        contact=table.contact,
         air=[built.scene.air.build(built.scene.seed) for built in scenes],
+        **options,
     )
 
 

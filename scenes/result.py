@@ -32,6 +32,8 @@ class SimulationResult:
         checked_frames: Frames that were checked for those three.
         bad_frames: How many of these have triangles of cloth that meet.
         contact: What contact among cloths did, see :class:`warpcloth.contact.ContactStage`; empty without it.
+        untangled: What was done about intersections at the start, see :class:`warpcloth.untangle.Untangled`; empty if
+            that was not asked for.
         profile_ms: Mean wall time of each stage of a frame [ms], the first frame aside; empty without ``profile``.
         settled: Whether the cloth has come to rest.
         solver: What the integrator says of its own work, e.g. iterations; empty for explicit ones.
@@ -60,6 +62,7 @@ class SimulationResult:
     checked_frames: int
     bad_frames: int
     contact: dict[str, Any]
+    untangled: dict[str, Any]
     profile_ms: dict[str, float]
     settled: bool
     solver: dict[str, Any]

@@ -34,6 +34,7 @@ def simulate(
     precision: str | None = None,
     check: str = "last",
     profile: bool = False,
+    untangle: bool = False,
     on_frame: OnFrame | None = None,
 ) -> SimulationResult:
     """Simulate a scene and write it as a USD cache.
@@ -51,6 +52,7 @@ def simulate(
         precision: ``"float32"`` or ``"float64"``.
         check: "every" counts intersections and measures penetration at every frame, "last" at the last one only.
         profile: Time the stages of each frame, which costs time itself.
+        untangle: Try to resolve intersections at the start.
         on_frame: Called after each frame with its number, the number of frames, and the simulation.
 
     Raises:
@@ -70,15 +72,15 @@ def simulate(
     chosen = loaded.changed({key: value for key, value in options.items() if value is not None})
     every = choice(check, ("every", "last"), "check") == "every"
     path = Path(f"{chosen.name}.usdc") if output is None else Path(output)
-    return _Run(chosen, path, every, profile).result(on_frame)
+    return _Run(chosen, path, every, profile=profile, untangled=untangle).result(on_frame)
 
 
 class _Run:
     """One scene on its way to a file."""
 
-    def __init__(self, scene: Scene, output: Path, every: bool, profile: bool):
+    def __init__(self, scene: Scene, output: Path, every: bool, **options: bool):
         self.begun = time.perf_counter()
-        self.every, self.profile = every, profile
+        self.every, self.options = every, options
         self.scene, self.output = scene, output
         self.built_scene = BuiltScene.of(scene)
         self.built = time.perf_counter()
@@ -89,7 +91,7 @@ class _Run:
         """Simulate, write, and say how it went."""
         with stop_on_interrupt() as stop, self.built_scene.writer(self.output) as writer:
             self.model = make_model([self.built_scene])
-            simulation = make_simulation([self.built_scene], self.model, profile=self.profile)
+            simulation = make_simulation([self.built_scene], self.model, **self.options)
             self.ready = time.perf_counter()
             self._write(writer, 0, simulation)
             self._check(simulation, last=False)
@@ -156,6 +158,7 @@ class _Run:
             checked_frames=len(self.checks),
             bad_frames=sum(pairs > 0 for pairs in among),
             contact=simulation.contact.metrics(),
+            untangled={} if simulation.untangled is None else simulation.untangled.as_dict(),
             profile_ms={name: 1e3 * spent / later for name, spent in simulation.watch.seconds.items()},
             settled=measured["settled"],
             solver=dict(simulation.integrator.metrics()),

@@ -19,6 +19,7 @@ from warpcloth.cli.report import Report, to_json
 PROMISED = {
     "scene", "integrator", "precision", "device", "frames", "substeps", "particles", "springs", "triangles",
     "ms_per_frame", "compile_s", "mean_strain", "max_strain", "intersections", "max_penetration_m", "settled", "output",
+    "obstacle_intersections", "contact", "profile_ms",
 }  # fmt: skip
 NAPKIN = '[[cloth]]\nname = "napkin"\nshape = "grid"\nresolution = [4, 4]\n'
 

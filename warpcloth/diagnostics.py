@@ -166,8 +166,11 @@ def check_start(model: Model, state: State) -> None:
         )
 
 
-def check_start_intersections(model: Model, state: State) -> None:
+def check_start_intersections(model: Model, state: State, tried: Any = None) -> None:
     """Refuses cloth that starts intersecting itself, other cloth, or a box or mesh.
+
+    Args:
+        tried: what untangling did, if that was tried; see :class:`warpcloth.untangle.Untangled`.
 
     Raises:
         BadStartError: names the world's cloths and the number of intersecting pairs of triangles.
@@ -179,9 +182,12 @@ def check_start_intersections(model: Model, state: State) -> None:
         names = ", ".join(f"'{cloth.name}'" for cloth in model.cloths if cloth.world == world)
         where = f" of world {world}" if model.world_count > 1 else ""
         what = [f"{among} with each other"] * bool(among) + [f"{solid} with triangles of obstacles"] * bool(solid)
+        advice = 'untangle the start, or simulate with contact="obstacles".'
+        if tried is not None:
+            advice = f"untangling left {tried.after} of {tried.before} pairs after {tried.rounds} rounds."
         raise BadStartError(
             f"Cloth{where} starts intersecting: of the triangles of {names}, {' and '.join(what)}; move the cloths and "
-            'obstacles apart, or simulate with contact="obstacles".',
+            f"obstacles apart, {'as ' * (tried is not None)}{advice}",
             tuple(np.flatnonzero(counts.any(axis=1)).tolist()),
         )
 

@@ -11,6 +11,50 @@ from .state import State
 from .surface import Surface
 
 
+class Triangles:
+    """All triangles of a model, those of boxes and meshes included, for counting and parting those that meet."""
+
+    def __init__(self, model: Model):
+        self.model, self.surface = model, Surface(model)
+        self.points = self.surface.positions()
+        self.device = model.device
+
+    def count(self, state: State) -> np.ndarray:
+        """See :func:`intersections`."""
+        model, surface = self.model, self.surface
+        self._place(state)
+        mesh = (surface.tri_indices, surface.world, surface.cloth_tris)
+        return _count(model.kernels, self.points, *mesh, model.world_count, model.device)
+
+    def crossings(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Edges that pass through triangles, once for each triangle at the edge.
+
+        Returns:
+            the triangle with the edge, the triangle passed, and the two ends of the edge, int32, shape [n, 4]; and the
+            direction in which the edge leaves soonest, shape [n, 3]; see ``kernels/untangle.py``.
+        """
+        kernels, surface = self.model.kernels.untangle, self.surface
+        self._place(state)
+        lower, upper, bvh = _boxes(self.model.kernels, self.points, surface.tri_indices, self.device)
+        found, room = kernels.Crossings(), 1024
+        while True:
+            found.count = wp.zeros(1, dtype=wp.int32, device=self.device)
+            found.where = wp.zeros(room, dtype=wp.vec4i, device=self.device)
+            found.way = wp.zeros(room, dtype=wp.vec3d, device=self.device)
+            mesh = [surface.tri_indices, surface.world, surface.cloth_tris]
+            inputs = [*mesh, self.points, lower, upper, bvh.id]
+            wp.launch(kernels.find_crossings, dim=surface.tri_count, inputs=inputs, outputs=[found], device=self.device)
+            count = int(found.count.numpy()[0])
+            if count <= room:
+                return found.where.numpy()[:count], found.way.numpy()[:count]
+            room = count
+
+    def _place(self, state: State) -> None:
+        shapes = self.model.shapes
+        shapes.place(self.model.tracks, state.world_time, 0.0)
+        self.surface.place(state.particle_q, shapes.end, self.points)
+
+
 def intersections(model: Model, state: State) -> np.ndarray:
     """Pairs of triangles that meet, touching included, apart from vertices that they have in common.
 
@@ -19,13 +63,7 @@ def intersections(model: Model, state: State) -> np.ndarray:
     """
     if model.tri_count == 0:
         return np.zeros((model.world_count, 2), np.int32)
-    surface = Surface(model)
-    model.shapes.place(model.tracks, state.world_time, 0.0)
-    points = surface.positions()
-    surface.place(state.particle_q, model.shapes.end, points)
-    return _count(
-        model.kernels, points, surface.tri_indices, surface.world, surface.cloth_tris, model.world_count, model.device
-    )
+    return Triangles(model).count(state)
 
 
 def count_intersections(points: Any, triangles: Any, cloth_tris: int | None = None) -> tuple[int, int]:
@@ -60,10 +98,7 @@ def _count(
     tris = len(tri_indices)
     if tris == 0:
         return count.numpy()
-    lower, upper = (wp.zeros(tris, dtype=wp.vec3, device=device) for _ in range(2))
-    bounds = kernels.intersections.triangle_bounds
-    wp.launch(bounds, dim=tris, inputs=[tri_indices, points], outputs=[lower, upper], device=device)
-    bvh = wp.Bvh(lower, upper)
+    lower, upper, bvh = _boxes(kernels, points, tri_indices, device)
     wp.launch(
         kernels.intersections.count_intersections,
         dim=tris,
@@ -72,3 +107,14 @@ def _count(
         device=device,
     )
     return count.numpy()
+
+
+def _boxes(
+    kernels: KernelSet, points: wp.array, tri_indices: wp.array, device: wp.Device
+) -> tuple[wp.array, wp.array, wp.Bvh]:
+    """The box of each triangle, and a tree of them."""
+    tris = len(tri_indices)
+    lower, upper = (wp.zeros(tris, dtype=wp.vec3, device=device) for _ in range(2))
+    bounds = kernels.intersections.triangle_bounds
+    wp.launch(bounds, dim=tris, inputs=[tri_indices, points], outputs=[lower, upper], device=device)
+    return lower, upper, wp.Bvh(lower, upper)

@@ -18,6 +18,7 @@ from .kinematics import drive_pins
 from .model import Model
 from .state import State
 from .stopwatch import Stopwatch
+from .untangle import untangle
 
 REST_SPEED = 0.01  # [m/s] root mean square below which cloth counts as at rest
 REST_TIME = 0.25  # [s] for which it must stay so
@@ -39,6 +40,7 @@ class Simulation:
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
         graph: capture each frame as a graph and replay it, where the device can.
         check: after each frame, raise if anything is not finite.
+        untangled: try to resolve intersections at the start; what that did is in the attribute of the same name.
         profile: time the stages of each frame; it then runs without graphs, to the same result.
 
     Raises:
@@ -68,6 +70,7 @@ class Simulation:
         graph: bool = True,
         check: bool = True,
         profile: bool = False,
+        untangled: bool = False,
     ):
         self.model = model
         self.integrator = make_integrator(integrator, model, integrator_options)
@@ -98,10 +101,11 @@ class Simulation:
         self._warned = False
         self._held_frames, self._held = 0, 0
         self._judged: set[float] = set()
+        self.untangled = untangle(model, self.state) if validate.flag(untangled, "untangled") else None
         if contact != "none":
             diagnostics.check_start(model, self.state)
         if contact == "all":
-            diagnostics.check_start_intersections(model, self.state)
+            diagnostics.check_start_intersections(model, self.state, self.untangled)
 
     def step(self, dt: float) -> None:
         """One frame of dt [s] in ``substeps`` equal steps.

@@ -32,6 +32,7 @@ Substeps = Annotated[str | None, typer.Option(metavar="N|auto", help="Steps per 
 Device = Annotated[str | None, typer.Option(help="Device, e.g. cpu or cuda:0.")]
 Check = Annotated[str, typer.Option(metavar="every|last", help="Frames to check for intersections and penetration.")]
 Profile = Annotated[bool, typer.Option("--profile", help="Time the stages of each frame.")]
+Untangle = Annotated[bool, typer.Option("--untangle", help="Try to resolve intersections at the start.")]
 Precision = Annotated[str | None, typer.Option(help="float32 or float64.")]
 Render = Annotated[bool, typer.Option("--render", help="Also make a film of it, beside the cache (see `render`).")]
 
@@ -48,6 +49,7 @@ def command(
     check: Check = "last",
     profile: Profile = False,
     render: Render = False,
+    untangle: Untangle = False,
 ) -> Report:
     """Simulate SCENE and write it as a USD cache."""
     from ..scenes import load_scene, simulate
@@ -56,7 +58,8 @@ def command(
     if render:
         _check_renderer()
     start_warp()
-    options = {"integrator": integrator, "device": device, "precision": precision, "check": check, "profile": profile}
+    options = {"integrator": integrator, "device": device, "precision": precision, "check": check}
+    options |= {"profile": profile, "untangle": untangle}
     with progress_bar(loaded.name) as on_frame:
         result = simulate(
             loaded, output, frames=_whole(frames), substeps=_whole(substeps), on_frame=on_frame, **options
@@ -119,6 +122,12 @@ def _summary(result: "SimulationResult") -> str:
         f"deepest penetration {1e3 * result.max_penetration_m:.3g} mm, {result.intersections} crossing triangle pairs, "
         f"{result.obstacle_intersections} with obstacles ({'every' if result.checked_frames > 1 else 'last'} frame)",
     ]
+    if result.untangled:
+        done = result.untangled
+        lines.append(
+            f"start untangled: {done['before']} crossing pairs became {done['after']} in {done['rounds']} rounds, "
+            f"particles moved up to {1e3 * done['moved_m']:.3g} mm"
+        )
     if result.profile_ms:
         stages = (f"{name} {spent:.2f}" for name, spent in result.profile_ms.items())
         lines.append(f"ms per frame: {', '.join(stages)}")

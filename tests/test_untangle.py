@@ -1,0 +1,98 @@
+"""Cloth that starts intersecting is brought apart, or it is said that it was not."""
+
+import numpy as np
+import pytest
+
+import warpcloth as wc
+from warpcloth.cli import run
+from warpcloth.errors import BadStartError
+from warpcloth.intersections import intersections
+from warpcloth.state import State
+from warpcloth.untangle import untangle
+
+
+def placed(z: float, turn: float, tilt: float) -> np.ndarray:
+    c, s, u, v = np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, u, -v], [0, v, u]])
+    matrix[2, 3] = z
+    return matrix
+
+
+def sheets(tilt: float) -> list[wc.Cloth]:
+    fabric = wc.Fabric(thickness=0.002)
+    above = wc.Cloth.grid((0.4, 0.4), (11, 11), fabric, transform=placed(0.002, 0.3, tilt), name="above")
+    return [wc.Cloth.grid((0.4, 0.4), (12, 12), fabric, name="below"), above]
+
+
+def test_sheets_that_cross_come_apart_and_keep_their_shape():
+    model = wc.Model.build(sheets(0.08))
+    state = State.of(model)
+    done = untangle(model, state)
+    assert done.before > 20
+    assert done.after == intersections(model, state).sum() == 0
+    assert 0.001 < done.moved_m < 0.05
+    sim = wc.Simulation(model, integrator="xpbd", contact="all", untangled=True, gravity=(0, 0, 0), substeps=10)
+    assert sim.untangled == done
+    assert sim.metrics()["mean_strain"] < 0.02
+    sim.run(5)
+    assert sim.metrics()["intersections"] == 0
+    assert np.array_equal(sim.model.particle_q.numpy(), model.particle_q.numpy())
+
+
+def test_cloth_leaves_a_box_that_pokes_through_it():
+    model = wc.Model.build(sheets(0.0)[0], wc.Box((0.02, 0.01, -0.05), (0.1, 0.1, 0.12)))
+    done = untangle(model, State.of(model))
+    assert done.before > 0
+    assert done.after == 0
+
+
+def test_what_is_apart_is_left_alone():
+    model = wc.Model.build(sheets(0.0))
+    state = State.of(model)
+    assert untangle(model, state).as_dict() == {"before": 0, "after": 0, "rounds": 0, "moved_m": 0.0}
+    assert np.array_equal(state.particle_q.numpy(), model.particle_q.numpy())
+
+
+def test_pins_stay_and_failure_is_said():
+    """Two sheets that are held at all their vertices."""
+    held = [
+        wc.Cloth.grid((0.4, 0.4), (4, 4), pins=list(range(16)), transform=placed(0.0, 0.3, tilt), name=name)
+        for name, tilt in (("a", 0.0), ("b", 0.5))
+    ]
+    model = wc.Model.build(held)
+    state = State.of(model)
+    done = untangle(model, state, rounds=3)
+    assert (done.after, done.moved_m) == (done.before, 0.0)
+    with pytest.raises(BadStartError, match=r"as untangling left \d+ of \d+ pairs after 1000 rounds"):
+        wc.Simulation(model, contact="all", untangled=True)
+
+
+SCENE = """
+frames = 2
+[simulation]
+integrator = "xpbd"
+contact = "all"
+[[cloth]]
+name = "below"
+shape = "grid"
+size = [0.4, 0.4]
+resolution = [9, 9]
+[[cloth]]
+name = "above"
+shape = "grid"
+size = [0.4, 0.4]
+resolution = [8, 8]
+position = [0, 0, 0.002]
+rotation = [5, 0, 20]
+"""
+
+
+def test_the_command_line_refuses_and_untangles(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "crossed.toml").write_text(SCENE)
+    assert run(["simulate", "crossed.toml"]) == 3
+    assert "starts intersecting" in capfd.readouterr().err
+    assert not (tmp_path / "crossed.usdc").exists()
+    assert run(["simulate", "crossed.toml", "--untangle"]) == 0
+    assert "start untangled" in capfd.readouterr().out

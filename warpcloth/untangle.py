@@ -1,0 +1,140 @@
+"""Resolves intersections of cloth at rest: moves it out of them, while its springs keep its shape.
+
+Volino and Magnenat-Thalmann, Resolving Surface Collisions through Intersection Contour Minimization (2006): two pieces
+of cloth meet along a line, the *contour*. Where an edge of direction e passes through a triangle of normal n, and r is
+the direction of the contour from there into a triangle at that edge, the contour gets shorter when edge and triangle
+move apart along Σ r − 2 (e·r)/(e·n) n. Summed over the whole contour, that says which way the pieces have to go.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from . import validate
+from .contact import ContactStage
+from .forces import Forces, Springs
+from .integrators import make_integrator
+from .intersections import Triangles
+from .model import Model
+from .state import State
+
+STEPS, STRETCH = (1.0, 0.25), 100  # thicknesses moved per round, and for how many rounds each by turns: long, then fine
+RELAX_TIME = 1.0 / 60.0  # [s] of springs at work after each round, from standstill
+SWEEPS = 10
+
+
+@dataclass(frozen=True)
+class Untangled:
+    """What :func:`untangle` did.
+
+    Attributes:
+        before, after: intersecting pairs of triangles at the start and at the end.
+        rounds: how many it took. moved_m: the furthest that a particle was moved [m].
+    """
+
+    before: int
+    after: int
+    rounds: int
+    moved_m: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures by name."""
+        return asdict(self)
+
+
+def untangle(model: Model, state: State, *, rounds: int = 1000) -> Untangled:
+    """Moves cloth out of intersections with itself, other cloth and obstacles, as far as it succeeds.
+
+    By turns the lines of intersection are shortened (Volino and Magnenat-Thalmann 2006) and the springs, from
+    standstill and without gravity, restore the shape; particles leave solid obstacles. Pins stay.
+
+    Args:
+        state: positions are changed, velocities are not.
+        rounds: when to give up.
+
+    Raises:
+        InputError: ``rounds`` is no whole number above 0.
+    """
+    rounds = validate.integer(rounds, "rounds", minimum=1, maximum=10**6)
+    found, begun = Triangles(model), state.particle_q.numpy().copy()
+    free = (model.particle_inv_mass.numpy() > 0.0)[:, None]
+    thickness = 2.0 * float(model.particle_radius.numpy().min())
+    relax = _Relaxation(model, state)
+    count = before = int(found.count(state).sum())
+    done = 0
+    while count > 0 and done < rounds:
+        step = STEPS[done // STRETCH % len(STEPS)] * thickness
+        moves = contour_moves(found, state)[: model.particle_count]
+        state.particle_q.assign(state.particle_q.numpy() + step * free * moves)
+        relax.run()
+        count, done = int(found.count(state).sum()), done + 1
+    moved = np.linalg.norm(state.particle_q.numpy() - begun, axis=1).max(initial=0.0)
+    return Untangled(before, count, done, float(moved))
+
+
+def contour_moves(triangles: Triangles, state: State) -> np.ndarray:
+    """Direction in which each particle leaves the contours that it has part in, shape [n, 3], of length up to 1."""
+    where, way = triangles.crossings(state)
+    corners = triangles.surface.tri_indices.numpy()
+    moves, hits = np.zeros((triangles.surface.particle_count, 3)), np.zeros(triangles.surface.particle_count)
+    for members, sides in _contours(where):
+        total = (sides[:, None] * way[members]).sum(axis=0)
+        direction = total / max(float(np.linalg.norm(total)), 1e-300)
+        for row, side in zip(where[members], sides, strict=True):
+            for particles, sign in ((row[2:], side), (corners[row[1]], -side)):
+                moves[particles] += sign * direction
+                hits[particles] += 1
+    return moves / np.maximum(hits, 1.0)[:, None]
+
+
+def _contours(where: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The crossings of each contour, and for each whether its edge is on the contour's left, 1, or right, −1.
+
+    Nodes are pairs of triangles, (left, right). The two triangles at an edge that passes through a third one make two
+    pairs, which follow each other on the contour; so each contour is there twice, once from either side.
+    """
+    pairs = np.sort(where[:, :2], axis=1)
+    keys, node = np.unique(pairs, axis=0, return_inverse=True)
+    first_is_low = where[:, 0] == pairs[:, 0]
+    left = node.ravel() + len(keys) * ~first_is_low  # node with the edge's triangle on the left
+    right = node.ravel() + len(keys) * first_is_low
+    label = np.arange(2 * len(keys))
+    same_hit: dict[tuple[int, ...], int] = {}
+    links = []
+    for k, hit in enumerate(map(tuple, where[:, 1:].tolist())):
+        other = same_hit.setdefault(hit, k)
+        links += [(left[k], left[other]), (right[k], right[other])]
+    changed = True
+    while changed:
+        before = label.copy()
+        for a, b in links:
+            label[a] = label[b] = min(label[a], label[b])
+        changed = not np.array_equal(label, before)
+    contours = []
+    for name in np.unique(label[left]):
+        on_left, on_right = label[left] == name, label[right] == name
+        if name == min(label[left[on_left]].min(), label[right[on_left]].min()):
+            members = np.flatnonzero(on_left | on_right)
+            contours.append((members, np.where(on_left[members], 1.0, -1.0)))
+    return contours
+
+
+class _Relaxation:
+    """Springs at work for a moment, velocities forgotten before and after."""
+
+    def __init__(self, model: Model, state: State):
+        self.model, self.state = model, state
+        still = wp.zeros(model.world_count, dtype=model.vec3, device=model.device)
+        self.forces = Forces(model, [Springs(model)], still)
+        self.integrator = make_integrator("xpbd", model, {"iterations": SWEEPS, "warm_start": 0.0})
+        self.contact = ContactStage(model, "obstacles")
+        self.now, self.later = state.twin(), state.twin()
+
+    def run(self) -> None:
+        wp.copy(self.now.particle_q, self.state.particle_q)
+        self.now.particle_qd.zero_()
+        self.integrator.step(self.model, self.now, self.later, self.forces, RELAX_TIME)
+        self.contact.resolve(self.now, self.later, RELAX_TIME)
+        wp.copy(self.state.particle_q, self.later.particle_q)
