@@ -9,13 +9,14 @@ import numpy as np
 from . import validate
 from .cloth.bending import BendingElements
 from .cloth.inflation import enclosed_volume
+from .cloth.sheet import sheet_tensor
 from .errors import InputError
 from .motion import Motion
 
 if TYPE_CHECKING:
     from .cloth import Cloth
 
-STRUCTURAL_KIND, BEND_KIND = 0, 2
+STRUCTURAL_KIND, SHEAR_KIND, BEND_KIND = 0, 1, 2
 
 
 @dataclass
@@ -122,9 +123,15 @@ def _piece(world: int, cloth: "Cloth", first: int) -> dict[str, np.ndarray]:
 
 
 def _limits(cloth: "Cloth") -> dict[str, np.ndarray]:
-    """Strain limit [-] of each spring and its k_L [N], on structural ones in the ratio of the fabric's stiffnesses."""
+    """Strain limit [-] of each spring and its k_L [N].
+
+    Structural springs carry C_xx − G of a sheet that has shear springs (square cells), all of Y where they are alone.
+    """
     fabric, net = cloth.fabric, cloth.springs
-    ratio = 0.0 if fabric.strain_limit is None else fabric.limit_stiffness / fabric.stretch_stiffness
+    carried = fabric.stretch_stiffness
+    if np.any(net.kinds == SHEAR_KIND):
+        carried = sheet_tensor(fabric.stretch, fabric.shear_stiffness)[0] - fabric.shear_stiffness
+    ratio = 0.0 if fabric.strain_limit is None else fabric.limit_stiffness / carried
     stiffness = np.where(net.kinds == STRUCTURAL_KIND, ratio * net.stiffness, 0.0)
     return {"limits": np.full(len(net), fabric.strain_limit or 0.0), "limit_stiffness": stiffness}
 

@@ -20,7 +20,7 @@ from .mesh_fit import extreme_moduli, fit_springs
 STRUCTURAL, SHEAR, BEND = 0, 1, 2
 MESH_SPRINGS = ("stretch", "shear", "fitted")
 LARGEST_DEVIATION = 0.1  # of a mesh's moduli from the fabric's before a warning
-LARGEST_ANISOTROPY = 1.5  # of its Young's moduli, likewise
+LARGEST_ANISOTROPY = 2.0  # of its Young's moduli, likewise
 FEWEST_TRIANGLES = 100  # whose directions tell something about a sheet
 KIND_NAMES = ("structural", "shear", "bend")
 

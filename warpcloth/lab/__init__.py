@@ -2,10 +2,10 @@
 
 from types import ModuleType
 
-from . import cantilever
+from . import bias, cantilever, hang, incline, shear, tensile
 from .result import Check, Curve, Result
 from .setup import Setup
 
-TESTS: dict[str, ModuleType] = {module.NAME: module for module in (cantilever,)}
+TESTS: dict[str, ModuleType] = {module.NAME: module for module in (cantilever, tensile, shear, bias, hang, incline)}
 
 __all__ = ["TESTS", "Check", "Curve", "Result", "Setup"]

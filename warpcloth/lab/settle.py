@@ -54,17 +54,18 @@ def settle(
         model: what rests.
         setup: the scheme.
         length: of the specimen [m]; √(length/g) is the time of its swings.
-        gravity: [m/s²].
+        gravity: [m/s²]; where there is none, times and forces are measured by the standard one.
         tolerance: of the root mean square force over the mean weight of a particle.
         frames: after which it counts as not settled.
     """
-    swing = math.sqrt(length / np.linalg.norm(gravity))
+    strength = float(np.linalg.norm(gravity)) or STANDARD_GRAVITY
+    swing = math.sqrt(length / strength)
     sim = Simulation(model, setup.integrator, gravity, contact="none")
     large = _takes_any_step(sim.integrator)
     dt = 5.0 * swing if large else 0.1 * swing
     still = np.zeros((model.particle_count, 3))
     free = model.particle_inv_mass.numpy() > 0.0
-    scale = float(np.mean(model.particle_mass.numpy()) * np.linalg.norm(gravity))
+    scale = float(np.mean(model.particle_mass.numpy())) * strength
     before, residual, quiet, settled = math.inf, math.inf, 0, False
     for _ in range(frames):
         start = sim.state.particle_q.numpy().copy()

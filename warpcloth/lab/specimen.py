@@ -21,11 +21,13 @@ def rectangle(
     setup: Setup,
     fabric: Fabric,
     lines: tuple[float, ...] = (),
+    springs: str = "stretch",
 ) -> Cloth:
     """The rectangle from ``lower`` to ``upper`` [m] in the xy plane, its mesh as ``setup`` asks; nothing is pinned.
 
     A plain grid has square cells, or nearly. Other meshes have vertices on the outline and on the ``lines`` x = const,
-    a cell apart, and between those a grid at an angle or irregular points.
+    a cell apart, and between those a grid at an angle or irregular points; their ``springs`` are as for
+    :meth:`~warpcloth.cloth.Cloth.from_mesh`.
 
     Raises:
         MissingExtraError: scipy, which makes such meshes, is not installed.
@@ -41,7 +43,7 @@ def rectangle(
     outline = np.unique(np.round(np.concatenate(fixed) / (1e-6 * cell)), axis=0) * (1e-6 * cell)
     points = np.concatenate([outline, _filling(lower, upper, cell, setup, outline)])
     mesh = TriangleMesh(np.column_stack([points, np.zeros(len(points))]), triangulated(points, cell), name="specimen")
-    return Cloth.from_mesh(mesh, fabric)
+    return Cloth.from_mesh(mesh, fabric, springs=springs)
 
 
 def triangulated(points: np.ndarray, cell: float) -> np.ndarray:

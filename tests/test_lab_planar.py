@@ -1,0 +1,69 @@
+"""Laboratory tests of stretch, shear, weight and friction: what was put in comes out, whatever the mesh."""
+
+import json
+
+import numpy as np
+import pytest
+
+from warpcloth.cli.main import run
+from warpcloth.fabric import Fabric
+from warpcloth.fabric_library import library_fabric
+from warpcloth.lab import Setup, bias, hang, incline, shear, tensile
+
+SOFT = Fabric(stretch_stiffness=400.0, stretch_stiffness_weft=300.0, shear_stiffness=100.0, bend_stiffness=0.0)
+MESHES = {"grid": {}, "angle": {"angle": 26.565}, "irregular": {"mesh": "irregular"}}
+
+
+@pytest.mark.parametrize(("mesh", "cells"), [("grid", 8), ("grid", 16), ("grid", 24), ("irregular", 12), ("angle", 12)])
+def test_tensile_test_returns_the_stiffness_put_in(mesh, cells):
+    setup = Setup(fabric=SOFT, resolution=cells, **MESHES[mesh])
+    for fabric in (SOFT, tensile.turned(SOFT)):
+        strain, load, settled = tensile.pulled(setup, fabric, 0.002)
+        assert settled
+        assert load / strain == pytest.approx(fabric.stretch_stiffness, rel=0.02)
+
+
+@pytest.mark.parametrize(("mesh", "cells"), [("grid", 4), ("grid", 8), ("grid", 16), ("irregular", 8), ("angle", 8)])
+def test_shear_test_returns_the_stiffness_put_in(mesh, cells):
+    stress, settled = shear.sheared(Setup(fabric=SOFT, resolution=cells, **MESHES[mesh]), 0.5)
+    assert settled
+    assert stress / np.deg2rad(0.5) == pytest.approx(100.0, rel=0.02)
+
+
+def test_tensile_curve_turns_at_the_strain_limit():
+    limited = Fabric(
+        stretch_stiffness=400.0, shear_stiffness=20.0, strain_limit=0.01, limit_stiffness=2000.0, bend_stiffness=0.0
+    )
+    strain, load, _ = tensile.pulled(Setup(fabric=limited, resolution=12), limited, 0.02)
+    assert strain > 0.015
+    assert load == pytest.approx(tensile.load_at(limited, strain), rel=0.01)
+
+
+@pytest.mark.parametrize("integrator", ["implicit_euler", "linear_implicit_euler"])
+def test_strip_hangs_as_long_as_it_must(integrator):
+    result = hang.run(Setup(fabric=library_fabric("denim"), integrator=integrator, resolution=20), str)
+    assert result.passed
+    assert len(result.checks) == 1
+
+
+def test_incline_slides_and_sticks_as_coulomb_says():
+    result = incline.run(Setup(fabric=library_fabric("wool")), str)
+    assert [check.what.split()[0] for check in result.checks] == ["creep", "distance", "distance"]
+    assert result.passed
+
+
+def test_bias_extension_of_firm_yarns_is_that_of_a_trellis():
+    angle, load, settled = bias.drawn(Setup(fabric=library_fabric("silk"), resolution=24), 0.05)
+    assert settled
+    assert load > 0.0
+    assert angle == pytest.approx(bias.trellis_angle(0.05), rel=0.1)
+    knit, _, _ = bias.drawn(Setup(fabric=library_fabric("ponte"), resolution=24), 0.05)
+    assert knit < 0.8 * angle
+
+
+def test_command_writes_a_table_and_a_picture(tmp_path, capsys):
+    assert run(["lab", "shear", "--fabric", "twill", "--resolution", "6", "-o", str(tmp_path), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["passed"]
+    assert report["values"]["shear_stiffness"] == pytest.approx(104.8, rel=0.02)
+    assert (tmp_path / "shear.png").stat().st_size > 10_000
