@@ -27,7 +27,7 @@ shape = "grid"
 size = [0.6, 0.6]
 resolution = [13, 13]
 position = [0.0, 0.0, 0.52]
-fabric.color = [0.6, 0.05, 0.05]
+fabric = { name = "cotton", thickness = 0.002, color = [0.6, 0.05, 0.05] }
 [[obstacle]]
 shape = "sphere"
 center = [0.0, 0.0, 0.25]

@@ -11,6 +11,7 @@ from .cloth import Cloth, Inflation, pin, pin_box, pin_nearest
 from .errors import WarpclothError
 from .fabric import Fabric
 from .fabric_library import fabrics, library_fabric
+from .grab import Grab, GrabTape
 from .integrators import integrators
 from .model import Model
 from .motion import Motion
@@ -23,9 +24,9 @@ __version__ = "0.1.0"
 _SCENE_LAYER = ("load_scene", "simulate")
 
 __all__ = [
-    "Air", "Box", "Capsule", "Cloth", "Fabric", "Inflation", "MeshObstacle", "Model", "Motion", "Plane", "Simulation",
-    "Sphere", "State", "WarpclothError", "errors", "fabrics", "integrators", "library_fabric", "load_scene", "pin",
-    "pin_box", "pin_nearest", "simulate",
+    "Air", "Box", "Capsule", "Cloth", "Fabric", "Grab", "GrabTape", "Inflation", "MeshObstacle", "Model", "Motion",
+    "Plane", "Simulation", "Sphere", "State", "WarpclothError", "errors", "fabrics", "integrators", "library_fabric",
+    "load_scene", "pin", "pin_box", "pin_nearest", "simulate",
 ]  # fmt: skip
 
 

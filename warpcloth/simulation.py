@@ -11,7 +11,9 @@ from . import diagnostics, stability, validate
 from .air import Air
 from .contact import CONTACTS, ContactStage
 from .errors import ContactWarning, ConvergenceWarning, InputError, StabilityWarning
-from .forces import AirDrag, Bending, Forces, ForceTerm, Pressure, Springs, StrainLimit
+from .forces import AirDrag, Bending, Forces, ForceTerm, Grabs, Pressure, Springs, StrainLimit
+from .forces.grabs import Hold
+from .grab import Grab, GrabTape, make_hold
 from .integrators import Integrator, make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
@@ -54,6 +56,7 @@ class Simulation:
         substeps: steps per frame in use; 0 before the first frame when "auto".
         watch: with ``profile``, the wall times [s] of detecting contact, integrating, responding to contact, and the
             guard, in ``watch.seconds``.
+        tape: a :class:`GrabTape` of all that was done with :meth:`grab`.
     """
 
     def __init__(
@@ -95,6 +98,8 @@ class Simulation:
         self.graph = validate.flag(graph, "graph") and records and not self.watch.active
         self.check = validate.flag(check, "check")
         self.time = 0.0
+        self.tape = GrabTape()
+        self._grabs: Grabs | None = None
         self._graphs: dict[tuple[float, int], wp.Graph] = {}
         self._ran: set[tuple[float, int]] = set()
         self._rest_since = np.full(model.world_count, np.inf)
@@ -123,6 +128,8 @@ class Simulation:
             self.substeps = self._stable_substeps(dt)
         else:
             self._warn_if_unstable(dt)
+        if self._grabs is not None:
+            self._grabs.begin_frame(self.time, dt, dt / self.substeps)
         self._remember()
         self._advance(dt, self.substeps)
         while self.contact.grow():
@@ -139,6 +146,32 @@ class Simulation:
             self.step(dt)
             if on_frame is not None:
                 on_frame(self, number)
+
+    def grab(self, what: Any, stiffness: float | None = None) -> Grab:
+        """Takes hold of a point of the cloth with a damped spring; ``.move(target)`` leads it, ``.release()`` lets go.
+
+        Call it and its methods between frames. A pinned particle stays where it is.
+
+        Args:
+            what: number of a particle, or a ray (origin, direction) [m], as from a mouse, for the first cloth on it.
+            stiffness: [N/m]; by default what holds the weight of all cloth 2 cm below the target. Explicit and
+                position-based integrators soften what is stiffer than their steps can carry.
+
+        Raises:
+            InputError: no such particle, no cloth on the ray, a stiffness not above 0, or 32 grabs already.
+        """
+        hold, place = make_hold(self.model, self.state.particle_q.numpy(), what, stiffness)
+        return self.grab_hold(hold, place)
+
+    def grab_hold(self, hold: Hold, target: Any) -> Grab:
+        """Like :meth:`grab`, of a point given by particles and weights, led to ``target`` [m] from the start."""
+        if self._grabs is None:
+            explicit = not self.integrator.implicit or self.integrator.solves_springs_only
+            self._grabs = Grabs(self.model, explicit)
+            self.forces.terms.append(self._grabs)
+            self._graphs.clear()  # captured frames lack it
+            self._ran.clear()
+        return Grab(self, self._grabs, hold, validate.vector(target, "target"))
 
     def energy(self) -> dict[str, float]:
         """Energies of all worlds [J]: kinetic, spring, bending, gravity (zero at the origin), total."""

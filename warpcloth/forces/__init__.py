@@ -3,11 +3,12 @@
 from .air import AirDrag
 from .base import Forces, ForceTerm, Hessian, Linearization
 from .bending import Bending
+from .grabs import Grabs
 from .pressure import Pressure
 from .springs import ASSEMBLIES, Springs
 from .strain_limit import StrainLimit
 
 __all__ = [
-    "ASSEMBLIES", "AirDrag", "Bending", "ForceTerm", "Forces", "Hessian", "Linearization", "Pressure", "Springs",
-    "StrainLimit",
+    "ASSEMBLIES", "AirDrag", "Bending", "ForceTerm", "Forces", "Grabs", "Hessian", "Linearization", "Pressure",
+    "Springs", "StrainLimit",
 ]  # fmt: skip

@@ -1,0 +1,167 @@
+"""Grabs: a normal force, with the same laws as the others, that follows the host between captured frames."""
+
+import numpy as np
+import pytest
+
+import warpcloth as wc
+from warpcloth.errors import InputError
+from warpcloth.grab import GrabTape, pick
+
+DT = 1.0 / 60.0
+STILL = (0.0, 0.0, 0.0)
+
+
+def hanging(integrator="xpbd", **options):
+    """A small cloth that hangs from its upper edge."""
+    turn = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 1], [0, 0, 0, 1]])
+    cloth = wc.Cloth.grid(size=(0.5, 0.5), resolution=(8, 8), pins="top", transform=turn)
+    return wc.Simulation(wc.Model.build([cloth], device="cpu", **options), integrator)
+
+
+@pytest.mark.parametrize("integrator", ["xpbd", "implicit_euler", "symplectic_euler"])
+def test_the_grabbed_particle_follows_and_swings_back(integrator):
+    simulation = hanging(integrator)
+    simulation.run(3)
+    start = simulation.state.particle_q.numpy()[3].copy()
+    grab = simulation.grab(3)
+    for k in range(30):
+        grab.move(start + min(k / 20, 1.0) * np.array([0.0, 0.15, 0.05]))
+        simulation.step(DT)
+    assert np.linalg.norm(grab.point - grab.target) < 0.02
+    assert grab.point[1] > start[1] + 0.12
+    assert simulation.energy()["grab"] > 0.0
+    grab.release()
+    simulation.run(12)
+    assert grab.point[1] < start[1] + 0.1
+    assert simulation.energy()["grab"] == 0.0
+
+
+def test_a_mass_on_a_grab_hangs_by_its_weight_over_the_stiffness():
+    """Static equilibrium, k (z* − z) = m g, of the point that the weights define."""
+    model = wc.Model.from_springs(
+        [[0, 0, 0], [1, 0, 0]], 0.1, [[0, 1]], 1.0, 100.0, 1.0, [0], device="cpu", precision="float64"
+    )
+    simulation = wc.Simulation(model, "implicit_euler", substeps=10)
+    grab = simulation.grab(1, stiffness=50.0)
+    simulation.run(400, fps=60.0)
+    low = grab.target[2] - grab.point[2]
+    assert low == pytest.approx(0.1 * 9.81 / 50.0, rel=0.02)
+
+
+def test_force_is_minus_the_gradient_of_the_energy_and_k_its_derivative():
+    simulation = hanging(precision="float64")
+    grab = simulation.grab(((0.03, -1.0, 0.82), (0.0, 1.0, 0.0)), stiffness=37.0)
+    grab.move((0.1, 0.2, 0.9))
+    simulation._grabs.begin_frame(0.0, DT, 1e-4)
+    term, state = simulation._grabs, simulation.state
+    state.world_time.assign(np.array([DT]))
+    state.particle_q.assign(state.particle_q.numpy() + 0.01)
+    q = state.particle_q.numpy().copy()
+
+    def force(at):
+        state.particle_q.assign(at)
+        state.particle_f.zero_()
+        term.accumulate(state, 0.0)
+        return state.particle_f.numpy().copy()
+
+    def energy(at):
+        state.particle_q.assign(at)
+        return term.energy(state)["grab"]
+
+    velocity = np.asarray(term._grabs.target_to.numpy()[0] - term._grabs.target_from.numpy()[0]) / DT
+    state.particle_qd.assign(np.tile(velocity, (len(q), 1)))  # no damping: all moves with the target
+    direction = np.random.default_rng(0).normal(size=q.shape)
+    here = force(q)
+    assert np.abs(here).max() > 0.1
+    slope = (energy(q + 1e-6 * direction) - energy(q - 1e-6 * direction)) / 2e-6
+    assert -np.sum(here * direction) == pytest.approx(slope, rel=1e-6)
+    stretched = (force(q + 1e-6 * direction) - force(q - 1e-6 * direction)) / 2e-6
+    state.particle_q.assign(q)
+    product = simulation.model.array(np.zeros_like(q), simulation.model.vec3)
+
+    class At:
+        stiffness, damping = 1.0, 0.0
+
+    term.hessian_product(At, simulation.model.array(direction, simulation.model.vec3), product)
+    assert np.allclose(product.numpy(), -stretched, atol=1e-6 * np.abs(stretched).max())
+
+
+def test_captured_frames_see_what_the_host_does():
+    """The same to the last bit with and without graphs, through take, move and release."""
+    results = []
+    for graph in (True, False):
+        simulation = hanging()
+        simulation.graph = graph
+        simulation.run(3)
+        grab = simulation.grab(0)
+        for k in range(8):
+            grab.move((-0.25 + 0.01 * k, 0.05 * k, 0.5))
+            simulation.step(DT)
+        grab.release()
+        simulation.run(4)
+        results.append(simulation.state.particle_q.numpy().copy())
+    assert np.array_equal(*results)
+
+
+def test_a_tape_repeats_what_was_done():
+    first = hanging()
+    first.run(2)
+    one, other = first.grab(0), first.grab(((0.1, 5.0, 0.9), (0.0, -1.0, 0.0)))
+    for k in range(6):
+        one.move((-0.3, 0.02 * k, 0.5))
+        one.move((-0.25, 0.03 * k, 0.5))
+        first.step(DT)
+    other.release()
+    first.run(3)
+    tape = GrabTape.from_json(first.tape.to_json())
+    assert [event.act for event in tape.events].count("move") == 6
+    second = hanging()
+    player = tape.play(second)
+    while second.time < first.time - 1e-9:
+        player.before_frame()
+        second.step(DT)
+    assert np.array_equal(second.state.particle_q.numpy(), first.state.particle_q.numpy())
+
+
+def test_a_ray_takes_the_nearest_cloth():
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]])
+    triangles = np.array([[0, 1, 2], [3, 4, 5]])
+    particles, weights, place = pick(points, triangles, ((0.25, 0.5, 3.0), (0.0, 0.0, -2.0)))
+    assert particles == (3, 4, 5)
+    assert weights == pytest.approx((0.25, 0.25, 0.5))
+    assert place == pytest.approx((0.25, 0.5, 1.0))
+
+
+def test_a_stiff_grab_does_not_blow_up_a_coarse_step():
+    simulation = hanging("xpbd")
+    simulation.substeps, simulation._auto = 2, False
+    grab = simulation.grab(0, stiffness=1e7)
+    for k in range(30):
+        grab.move((-0.25 + 0.2 * np.sin(k), 0.2 * np.cos(k), 0.5))
+        simulation.step(DT)
+    assert np.abs(simulation.state.particle_q.numpy()).max() < 2.0
+
+
+def test_mistakes():
+    simulation = hanging()
+    with pytest.raises(InputError, match="article must be a whole number from 0 to 63"):
+        simulation.grab(64)
+    with pytest.raises(InputError, match="meets no cloth"):
+        simulation.grab(((9.0, 9.0, 9.0), (0.0, 0.0, 1.0)))
+    with pytest.raises(InputError, match="by its number, or cloth by a ray"):
+        simulation.grab((1.0, 2.0, 3.0))
+    with pytest.raises(InputError, match="tiffness must be"):
+        simulation.grab(0, stiffness=0.0)
+    grab = simulation.grab(0)
+    with pytest.raises(InputError, match="arget"):
+        grab.move((0.0, np.nan, 0.0))
+    grab.release()
+    grab.release()
+    with pytest.raises(InputError, match="has been released"):
+        grab.move(STILL)
+    for _ in range(32):
+        simulation.grab(1)
+    with pytest.raises(InputError, match="32 grabs already"):
+        simulation.grab(1)
+    with pytest.raises(InputError, match="not a tape"):
+        GrabTape.from_json("[1]")
