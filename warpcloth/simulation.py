@@ -211,7 +211,12 @@ class Simulation:
         ):
             mine.assign(theirs.numpy()[kept])
         self.state.world_time.assign(other.state.world_time.numpy()[list(worlds)])
-        for own, memory in zip(self._memory, other._memory, strict=False):
+        # What a scheme or a force keeps may be in fewer arrays here: the last ones were of other worlds.
+        memories = [
+            (self.integrator.memory(), other.integrator.memory()),
+            (self.forces.memory(), other.forces.memory()),
+        ]
+        for own, memory in (pair for mine, theirs in memories for pair in zip(mine, theirs, strict=False)):
             rows = slice(None) if memory.particle is None else kept[memory.particle]
             own.array.assign(memory.array.numpy()[rows])
         self.time, self.substeps, self._auto_dt = other.time, other.substeps, other._auto_dt

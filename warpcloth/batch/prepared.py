@@ -41,8 +41,11 @@ class Prepared:
         options = scene.simulation.model_dump(mode="json", exclude={"gravity"})
         thickness = [max((c.fabric.thickness for c in self.built.cloths), default=0.0)]  # contact looks as far as these
         thickness += [max((o.thickness for o in self.built.obstacles), default=0.0)]
+        fabrics = [cloth.fabric for cloth in self.built.cloths]
+        damped = [any(f.damping_time > 0.0 for f in fabrics), scene.air.density > 0.0]  # schemes look at these
+        limited = any(f.strain_limit is not None for f in fabrics)
         alone = self.sample.index if coupled else None
-        return json.dumps([scene.fps, options, thickness, alone], sort_keys=True)
+        return json.dumps([scene.fps, options, thickness, damped, limited, alone], sort_keys=True)
 
     @cached_property
     def last_motion(self) -> float:

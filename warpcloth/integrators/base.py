@@ -21,7 +21,8 @@ class Integrator(Protocol):
         adaptive: divides the step it is given as the error demands, so that no step is too large for it.
         solves_springs_only: all other forces act as they were at the start of the step, so stiff ones need a pass.
         couples_worlds: step sizes or iteration counts are decided over all worlds at once, so a world's result depends,
-            within the tolerance, on the worlds beside it; elsewhere a world among others is bitwise that world alone.
+            within the tolerance, on the worlds beside it; elsewhere a world among others is bitwise that world alone if
+            forces depend on velocities in both, or in none.
         conserves_linear_momentum, conserves_angular_momentum: to round-off, without pins and outer forces, also with
             damped springs.
         convergence_options: options under which halving the step shows ``order``: tight solver tolerances, steps of
