@@ -15,7 +15,8 @@ class BendingModel:
     """Elements by entry, see :class:`warpcloth.cloth.bending.BendingElements`; what does not change.
 
     ``law`` holds (stiffness [N m³], stiffness times damping time [N m³ s], rest curvature [1/m]), ``friction`` its
-    stiffness [N m³] and the slip moment [N m²]. ``turning``: whether any element needs its tangents.
+    stiffness [N m³] and the slip moment [N m²]. ``turning``: whether any element needs its tangents; their entries come
+    first in an element and end at ``turning_end``.
     """
 
     start: wp.array(dtype=wp.int32)
@@ -24,6 +25,7 @@ class BendingModel:
     tangent: wp.array(dtype=wp.types.vector(2, real))
     law: wp.array(dtype=vec3)
     friction: wp.array(dtype=wp.types.vector(2, real))
+    turning_end: wp.array(dtype=wp.int32)
     turning: wp.int32
 
 
@@ -44,7 +46,7 @@ def tangent_sum(elements: BendingModel, e: int, x: wp.array(dtype=vec3), axis: i
     first = elements.start[e]
     origin = x[elements.particle[first]]
     t = vec3()
-    for k in range(first + 1, elements.start[e + 1]):
+    for k in range(first + 1, elements.turning_end[e]):
         t += elements.tangent[k][axis] * (x[elements.particle[k]] - origin)
     return t
 

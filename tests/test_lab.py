@@ -8,10 +8,11 @@ import pytest
 
 from warpcloth.cli.main import run
 from warpcloth.fabric import Fabric
-from warpcloth.lab import TESTS, Setup, cantilever
+from warpcloth.lab import TESTS, Setup, cantilever, cusick, lateral_buckling
 from warpcloth.lab.elastica import heavy_elastica
 from warpcloth.lab.result import Check, Panel, Result
-from warpcloth.lab.specimen import rectangle
+from warpcloth.lab.shadow import shadow_of
+from warpcloth.lab.specimen import disc_ring, rectangle
 
 ORIENTATIONS = {
     "along": {},
@@ -68,11 +69,36 @@ def test_rigidity_of_the_standard_is_the_one_put_in():
     assert cantilever.measured_rigidity(setup) == pytest.approx(setup.fabric.bending[0], rel=0.02)
 
 
+def test_lateral_buckling_at_the_known_length(monkeypatch):
+    """Within 5 %: twist has its stiffness. A strip one cell wide, as the closed form is for narrow ones."""
+    monkeypatch.setattr(lateral_buckling, "WIDTH", 1)
+    gammas, setup = (15.0, 17.0), Setup(resolution=16)
+    found = lateral_buckling.extrapolated(gammas, [lateral_buckling.resistance(setup, gamma) for gamma in gammas])
+    assert found == pytest.approx(18.178, rel=0.05)
+
+
 @pytest.mark.parametrize("integrator", ["symplectic_euler", "xpbd"])
 def test_the_scheme_does_not_change_the_rest_shape(integrator):
     implicit, other = strip(10.0, 8), strip(10.0, 8, integrator=integrator)
     assert other.settled
     assert np.hypot(other.reach - implicit.reach, other.drop - implicit.drop) < 1e-3
+
+
+def test_shadow_of_a_wavy_disc():
+    """Area, outline and folds of a flat fan of triangles with five waves; a level specimen has all of its ring."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
+    radius = 0.12 + 0.01 * np.cos(5.0 * angle)
+    rim = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle])
+    number = np.arange(400)
+    fan = np.column_stack([np.full(400, 400), number, np.roll(number, -1)])
+    shadow = shadow_of(np.vstack([rim, np.zeros(3)]), fan, 0.09)
+    assert shadow.area == pytest.approx(np.pi * (0.12**2 + 0.5 * 0.01**2), rel=2e-3)
+    assert shadow.folds == 5
+    assert shadow.radius.max() == pytest.approx(0.13, abs=5e-4)
+    cloth = disc_ring(0.09, 0.15, 8, Setup(), Fabric())
+    level = cusick.Drape(cloth.points, cloth.triangles, shadow_of(cloth.points, cloth.triangles, 0.09), True)
+    assert level.coefficient == pytest.approx(100.0, abs=0.5)
+    assert level.shadow.folds == 0
 
 
 @pytest.mark.parametrize("options", [{"angle": 30.0}, {"mesh": "irregular"}])

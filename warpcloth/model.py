@@ -215,6 +215,7 @@ class Model:
         model.law = self.array(np.stack([elements.stiffness, damping, elements.rest_curvature], axis=1), self.vec3)
         friction = np.stack([elements.friction_stiffness, elements.slip_moment], axis=1)
         model.friction = self.array(friction, vec2)
+        model.turning_end = self.array(elements.turning_end, wp.int32)
         model.turning = int(elements.turning)
         self.bending = model
         order = np.argsort(elements.particles, kind="stable")

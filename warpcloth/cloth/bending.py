@@ -27,7 +27,8 @@ class BendingElements:
     Args:
         start: entries of element k are ``start[k]:start[k + 1]``, shape [e + 1], int32.
         particles: of each entry, shape [m], int32.
-        weights: w [1/m²], α and β [1/m] of each entry, shape [m, 3]; each sums to 0 over an element.
+        weights: w [1/m²], α and β [1/m] of each entry, shape [m, 3]; each sums to 0 over an element. Entries with α
+            or β come first in their element, which keeps the kernels short.
         stiffness: B A [N m³], shape [e], >= 0.
         rest_curvature: along t₁ × t₂ [1/m], shape [e].
         slip_moment: H A [N m²], shape [e], >= 0; H is half the hysteresis 2HB of a bending test.
@@ -76,6 +77,13 @@ class BendingElements:
         return bool(np.any(self.rest_curvature) or np.any(self.slip_moment))
 
     @property
+    def turning_end(self) -> np.ndarray:
+        """Where the entries with α or β end, shape [e]."""
+        turning = np.any(self.weights[:, 1:] != 0.0, axis=1)
+        last = np.where(turning, np.arange(1, len(turning) + 1), 0)
+        return np.maximum(_largest(self.element, last, len(self)).astype(np.int32), self.start[:-1])
+
+    @property
     def element(self) -> np.ndarray:
         """Element of each entry, shape [m]."""
         return np.repeat(np.arange(len(self)), np.diff(self.start))
@@ -101,7 +109,7 @@ class BendingElements:
         rest curvature and slip the tangents are left out, which makes elements smaller.
         """
         count = len(points)
-        keys, place = np.unique(element.astype(np.int64) * count + particle, return_inverse=True)
+        keys, place = np.unique(np.asarray(element, np.int64) * count + particle, return_inverse=True)
         element, particle = np.divmod(keys, count)
         weights = np.stack([np.bincount(place.ravel(), column, len(keys)) for column in weights.T], axis=1)
         e = len(stiffness)
@@ -119,8 +127,10 @@ class BendingElements:
         weights[(flat & (slip_moment == 0.0))[element], 1:] = 0.0
         largest = np.stack([_largest(element, np.abs(column), e) for column in weights.T], axis=1)[element]
         keep = np.any(np.abs(weights) > 1e-9 * largest, axis=1)
-        start = np.concatenate([[0], np.cumsum(np.bincount(element[keep], minlength=e))])
-        return BendingElements(start, particle[keep], weights[keep], stiffness, curvature, slip_moment)
+        element, particle, weights = element[keep], particle[keep], weights[keep]
+        order = np.lexsort((particle, ~np.any(weights[:, 1:], axis=1), element))
+        start = np.concatenate([[0], np.cumsum(np.bincount(element, minlength=e))])
+        return BendingElements(start, particle[order], weights[order], stiffness, curvature, slip_moment)
 
     @staticmethod
     def joined(parts: Sequence["BendingElements"], first: Sequence[int]) -> "BendingElements":

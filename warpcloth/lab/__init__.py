@@ -2,10 +2,11 @@
 
 from types import ModuleType
 
-from . import bias, cantilever, hang, incline, shear, tensile
+from . import bias, cantilever, cusick, hang, incline, lateral_buckling, shear, tensile
 from .result import Check, Curve, Result
 from .setup import Setup
 
-TESTS: dict[str, ModuleType] = {module.NAME: module for module in (cantilever, tensile, shear, bias, hang, incline)}
+_MODULES = (cantilever, lateral_buckling, cusick, tensile, shear, bias, hang, incline)
+TESTS: dict[str, ModuleType] = {module.NAME: module for module in _MODULES}
 
 __all__ = ["TESTS", "Check", "Curve", "Result", "Setup"]

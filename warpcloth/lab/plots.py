@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import MissingExtraError
-from .result import POINTS, Panel, Result
+from .result import AREA, POINTS, Panel, Result
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 MARKERS = "osD^vP"
@@ -65,6 +65,8 @@ def draw(ax: Any, panel: Panel) -> None:
         if curve.style == POINTS:
             look = {"marker": MARKERS[number % len(MARKERS)], "markersize": 6 if curve.label else 4}
             ax.plot(curve.x, curve.y, linestyle="none", color=color, label=curve.label, markeredgecolor="white", **look)
+        elif curve.style == AREA:
+            ax.fill(curve.x, curve.y, color="#555555", alpha=0.6, label=curve.label)
         else:
             ax.plot(curve.x, curve.y, "-", color=color, label=curve.label, linewidth=1.8)
     for axis in panel.log:

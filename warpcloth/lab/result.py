@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-LINE, POINTS = "line", "points"
+LINE, POINTS, AREA = "line", "points", "area"
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Check:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A line of a reference or points of a measurement; ``style`` is "line" or "points"."""
+    """A line of a reference, points of a measurement, or what an outline encloses; ``style`` says which."""
 
     label: str
     x: Sequence[float] | np.ndarray

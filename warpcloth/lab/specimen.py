@@ -46,6 +46,28 @@ def rectangle(
     return Cloth.from_mesh(mesh, fabric, springs=springs)
 
 
+def disc_ring(disc: float, radius: float, cells: int, setup: Setup, fabric: Fabric) -> Cloth:
+    """The outer ring of a round specimen [m] whose inside is held by a disc; nothing is pinned.
+
+    Two rings of vertices lie half a cell on either side of the disc's edge, ``cells`` cells from the specimen's. In
+    between there are equilateral triangles, turned by the angle that ``setup`` asks for, or irregular ones.
+
+    Raises:
+        MissingExtraError: scipy is not installed.
+    """
+    cell = (radius - disc) / cells
+    rings = np.concatenate([_circle(r, cell) for r in (disc - 0.5 * cell, disc + 0.5 * cell, radius)])
+    corner = (radius, radius)
+    inside = _filling((-corner[0], -corner[1]), corner, cell, setup, rings, hexagonal=True)
+    distance = np.linalg.norm(inside, axis=1)
+    inside = inside[(distance > disc + (0.5 + CLEAR) * cell) & (distance < radius - CLEAR * cell)]
+    points = np.concatenate([rings, inside])
+    triangles = triangulated(points, cell)
+    triangles = triangles[np.linalg.norm(points[triangles].mean(axis=1), axis=1) > disc - 0.5 * cell]
+    mesh = TriangleMesh(np.column_stack([points, np.zeros(len(points))]), triangles, name="specimen")
+    return Cloth.from_mesh(mesh, fabric)
+
+
 def triangulated(points: np.ndarray, cell: float) -> np.ndarray:
     """Delaunay triangles of points in a convex region, counter-clockwise, without slivers, shape [m, 3]."""
     try:
@@ -61,17 +83,31 @@ def triangulated(points: np.ndarray, cell: float) -> np.ndarray:
     return corners[np.abs(area) > THINNEST * cell * cell].astype(np.int32)
 
 
+def _circle(radius: float, cell: float) -> np.ndarray:
+    angle = np.linspace(0.0, 2.0 * np.pi, max(round(2.0 * np.pi * radius / cell), 12), endpoint=False)
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
 def _line(start: tuple[float, float], stop: tuple[float, float], count: int) -> np.ndarray:
     return np.linspace(start, stop, int(count) + 1)
 
 
 def _filling(
-    lower: tuple[float, float], upper: tuple[float, float], cell: float, setup: Setup, outline: np.ndarray
+    lower: tuple[float, float],
+    upper: tuple[float, float],
+    cell: float,
+    setup: Setup,
+    outline: np.ndarray,
+    *,
+    hexagonal: bool = False,
 ) -> np.ndarray:
-    """Vertices inside: a grid turned by the angle, or one displaced at random; none too close to the outline's."""
+    """Vertices inside: a grid of squares or triangles turned by the angle, or one displaced at random; none too close
+    to the outline's."""
     centre, reach = 0.5 * np.add(lower, upper), 0.5 * float(np.hypot(*np.subtract(upper, lower)))
-    steps = np.arange(-int(reach / cell) - 2, int(reach / cell) + 3)
+    steps = np.arange(-int(2.0 * reach / cell) - 2, int(2.0 * reach / cell) + 3)
     lattice = cell * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    if hexagonal:
+        lattice = lattice @ np.array([[1.0, 0.0], [0.5, 0.5 * np.sqrt(3.0)]])
     if setup.mesh == "irregular":
         lattice = lattice + np.random.default_rng(setup.seed).uniform(-JITTER, JITTER, lattice.shape) * cell
     turn = np.deg2rad(setup.angle)
