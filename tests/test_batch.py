@@ -7,17 +7,18 @@ import os
 import numpy as np
 import pytest
 from batch_sweeps import SCENE, SWEEP, contents, simulated, written
+from PIL import Image
 from pxr import Usd
 from warpcloth.scenes import check_cache, load_scene, simulate
 
-from warpcloth.batch import load_sweep
+from warpcloth.batch import load_sweep, recorder
 from warpcloth.batch.folder import BatchFolder
 from warpcloth.batch.job import Job
 from warpcloth.batch.prepared import prepare, rounded_up
 from warpcloth.batch.queue import Queue
 from warpcloth.batch.run import index_batch, run_batch, status_of
 from warpcloth.cli import run as cli
-from warpcloth.errors import InputError
+from warpcloth.errors import InputError, SceneError
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def test_what_is_written_is_sound(alone):
 def test_the_manifest_and_the_assembly_come_from_the_folders(alone):
     parquet = pytest.importorskip("pyarrow.parquet")
     files = index_batch(alone)
-    assert [file.name for file in files] == ["manifest.csv", "manifest.parquet", "assembly.usda"]
+    assert [file.name for file in files] == ["manifest.csv", "manifest.parquet", "assembly.usda", "contact_sheet.png"]
     with open(files[0], newline="") as lines:
         rows = list(csv.DictReader(lines))
     table = parquet.read_table(files[1])
@@ -76,6 +77,8 @@ def test_the_manifest_and_the_assembly_come_from_the_folders(alone):
     assert float(rows[3]["cloth.0.position.2"]) == facts["parameters"]["cloth.0.position.2"]
     assert table.column("metrics.max_strain").to_pylist()[3] == facts["metrics"]["max_strain"]
     assert rows[3]["sha256.cache.usdc"] == facts["files"]["cache.usdc"]
+    sheet = np.asarray(Image.open(files[3]))
+    assert (sheet.std(axis=(0, 1)) > 5.0).all()  # something is to be seen
     stage = Usd.Stage.Open(str(files[2]))
     drapes = stage.GetPrimAtPath("/Samples").GetChildren()
     assert [prim.GetName() for prim in drapes] == [f"sample_{index:06d}" for index in range(6)]
@@ -236,7 +239,7 @@ def test_the_command(tmp_path, capfd):
     code, status = run(path, "-o", out, "--workers", "1")
     assert (code, status["samples"], status["done"], status["failed"]) == (0, 3, 3, 0)
     assert sorted(p.name for p in (tmp_path / "out").iterdir() if not p.name.startswith(".")) == [
-        "assembly.usda", "manifest.csv", "manifest.parquet", "samples", "sweep.json",
+        "assembly.usda", "contact_sheet.png", "manifest.csv", "manifest.parquet", "samples", "sweep.json",
     ]  # fmt: skip
     before = contents(BatchFolder(out))
     assert run(path, "-o", out, "--workers", "1")[1]["done"] == 3
@@ -253,3 +256,20 @@ def test_the_command(tmp_path, capfd):
     assert run(path, "--workers", "0", "-o", out)[0] == 2
     assert run("status", str(tmp_path))[0] == 2
     assert run("status")[0] == 2
+
+
+def test_a_preview_is_a_picture_of_the_last_frame(tmp_path, monkeypatch):
+    seen = []
+
+    def draw(cache, output, **options):
+        seen.append((cache.name, output.name, options["frame"]))
+        assert cache.exists()
+        output.write_bytes(b"picture")
+
+    monkeypatch.setattr(recorder, "render", draw)
+    sweep = SWEEP.replace("count = 6", "count = 1").replace('["pose", "frames", "strain"]', '["frames", "preview"]')
+    folder, _ = simulated(written(tmp_path, sweep), tmp_path / "batch", worlds=1)
+    assert seen == [("cache.usdc", "preview.png", -1)]
+    assert set(folder.metrics(0)["files"]) == {"cache.usdc", "preview.png", "scene.toml"}
+    with pytest.raises(SceneError, match="must have 'pose' or 'frames'"):
+        load_sweep(tmp_path / "sweep.toml", ["outputs=['preview']"])

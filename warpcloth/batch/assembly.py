@@ -19,7 +19,7 @@ def write_assembly(folder: BatchFolder) -> Path | None:
 
     Samples stand in rows along x, in the order of their numbers. Those that end before the last one stand still.
     """
-    files = {index: file for index in folder.finished() if (file := _drape(folder, index)) is not None}
+    files = {index: file for index in folder.finished() if (file := drape_file(folder, index)) is not None}
     if not files:
         return None
     partial = folder.path / f".partial.{ASSEMBLY}"
@@ -35,7 +35,7 @@ def write_assembly(folder: BatchFolder) -> Path | None:
     return folder.path / ASSEMBLY
 
 
-def _drape(folder: BatchFolder, index: int) -> Path | None:
+def drape_file(folder: BatchFolder, index: int) -> Path | None:
     """The file that shows a sample: all frames if there are, else the last one."""
     files = [folder.place(index) / name for name in (CACHE, POSE)]
     return next((file for file in files if file.exists()), None)

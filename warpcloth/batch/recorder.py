@@ -10,13 +10,17 @@ from typing import Any
 import numpy as np
 
 from ..errors import SimulationError
+from ..render import render
 from ..scenes import CacheWriter, Scene, check_cache
 from .extra import needed
 from .prepared import Prepared
 from .schema import SweepTable
 from .sweep import Sample
 
-SCENE, METRICS, POSE, CACHE, STRAIN = "scene.toml", "metrics.json", "pose.usdc", "cache.usdc", "strain.npy"
+SCENE, METRICS, POSE, CACHE, STRAIN, PREVIEW = (
+    "scene.toml", "metrics.json", "pose.usdc", "cache.usdc", "strain.npy", "preview.png",
+)  # fmt: skip
+PREVIEW_SIZE = (320, 320)
 Arrays = Mapping[str, np.ndarray]
 
 
@@ -72,6 +76,9 @@ class Recorder:
             np.save(self.folder / STRAIN, strain)
         if self.table.check:
             self._check()
+        if "preview" in outputs:
+            cache = self.folder / (POSE if "pose" in outputs else CACHE)
+            render(cache, self.folder / PREVIEW, frame=-1, size=PREVIEW_SIZE)
         write_scene(self.folder, self.prepared.scene.changed({"frames": number}))
         write_metrics(self.folder, self.prepared.sample, {"status": "done", "metrics": dict(metrics)})
 

@@ -7,14 +7,17 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ..errors import MissingExtraError
 from .assembly import write_assembly
 from .cluster import Cluster, ClusterPool
+from .extra import needed
 from .folder import BatchFolder
 from .job import Outcome
-from .manifest import write_manifest
+from .manifest import PARQUET, write_manifest
 from .plan import Plan, make_plan
 from .pool import LocalPool
 from .queue import Queue
+from .sheet import write_sheet
 from .sweep import Sweep
 
 RECENT = 64  # samples over which the rate is taken
@@ -74,6 +77,8 @@ def run_batch(
     with folder.locked(), contextlib.ExitStack() as exits:
         folder.claim(sweep)
         folder.sweep_up()
+        if "preview" in sweep.table.outputs:
+            needed("pyvista", "render")  # before any work
         if retry_failed:
             folder.forget_failed()
         cluster = None
@@ -89,13 +94,20 @@ def run_batch(
                     on_progress(plan, outcome)
         finally:
             folder.sweep_up()
-            index_batch(folder)
+            if plan.left or not (folder.path / PARQUET).exists():
+                index_batch(folder)
         return status_of(folder, running=False)
 
 
 def index_batch(folder: BatchFolder) -> list[Path]:
-    """Writes the manifest and the assembly anew from the folders of the samples; returns what it wrote."""
-    return [*write_manifest(folder), *([assembly] if (assembly := write_assembly(folder)) else [])]
+    """Writes the manifest, the assembly and the picture anew from the folders of the samples; returns what it wrote.
+
+    There is no picture where pyvista is not installed.
+    """
+    files = [*write_manifest(folder), write_assembly(folder)]
+    with contextlib.suppress(MissingExtraError):
+        files.append(write_sheet(folder))
+    return [file for file in files if file is not None]
 
 
 def status_of(folder: BatchFolder, running: bool | None = None) -> Status:

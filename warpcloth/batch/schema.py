@@ -80,8 +80,9 @@ class SweepTable(Table):
     seed: Annotated[int, Number("", 0, 2**32 - 1, whole=True)] = field(
         0, "Seed of all draws; each scene gets a seed of its own from it."
     )
-    outputs: list[Literal["pose", "frames", "strain"]] = field(
-        ["pose"], "What is kept besides scene and metrics: last frame, all frames, strain of each spring."
+    outputs: list[Literal["pose", "frames", "strain", "preview"]] = field(
+        ["pose"],
+        "What is kept besides scene and metrics: last frame, all frames, strain of each spring, a picture.",
     )
     stop_at_rest: bool = field(True, "Whether a sample ends when its cloth rests, even before its last frame.")
     check: bool = field(
@@ -94,6 +95,8 @@ class SweepTable(Table):
     def _counted(self) -> Self:
         if self.design != "grid" and self.count is None:
             raise refuse("must have a count unless its design is 'grid'")
+        if "preview" in self.outputs and not {"pose", "frames"} & set(self.outputs):
+            raise refuse("must have 'pose' or 'frames' among its outputs for a 'preview' to show")
         paths = [parameter.path for parameter in self.parameter]
         twice = next((path for path in paths if paths.count(path) > 1), None)
         if twice is not None:

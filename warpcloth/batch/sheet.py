@@ -1,0 +1,103 @@
+"""A picture of a batch: its drapes in rows, drawn together in one go."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..obstacles import Plane
+from ..render.solids import SolidShape
+from ..scenes.usd.playback import Playback
+from ..scenes.usd.surface import vertex_normals
+from .assembly import drape_file
+from .extra import needed
+from .folder import BatchFolder
+
+SHEET = "contact_sheet.png"
+MOST = 100  # drapes in a picture; of more, evenly chosen ones
+PIXELS = 200  # of a drape, along the row
+GAP = 1.15
+ELEVATION = 50.0  # [°] of the camera
+
+
+def write_sheet(folder: BatchFolder) -> Path | None:
+    """Draws up to 100 drapes, evenly chosen, each at its end; None if there are none.
+
+    Raises:
+        MissingExtraError: pyvista is not installed.
+    """
+    drapes = [(index, file) for index in folder.finished() if (file := drape_file(folder, index)) is not None]
+    if not drapes:
+        return None
+    chosen = np.unique(np.linspace(0, len(drapes) - 1, min(MOST, len(drapes))).round().astype(int))
+    pyvista = needed("pyvista", "render")
+    needed("PIL.Image", "render")
+    from ..render.files import write_still
+
+    tiles = [_Tile(*drapes[number]) for number in chosen]
+    columns = math.ceil(math.sqrt(len(tiles)))
+    rows = math.ceil(len(tiles) / columns)
+    depth = math.sin(math.radians(ELEVATION))
+    size = (max(600, PIXELS * columns), max(400, int(PIXELS * (rows + 0.5) * depth)))
+    plotter = pyvista.Plotter(off_screen=True, window_size=size, lighting="light kit")
+    plotter.set_background("#f4f2ee")
+    plotter.enable_anti_aliasing("ssaa")
+    step = GAP * max(tile.width for tile in tiles)
+    for number, tile in enumerate(tiles):
+        tile.draw(plotter, pyvista, np.array([step * (number % columns), -step * (number // columns), 0.0]), step)
+    _look(plotter, step, columns, rows, size)
+    image = plotter.screenshot(return_img=True)
+    plotter.close()
+    write_still(folder.path / SHEET, np.ascontiguousarray(image[..., :3]))
+    return folder.path / SHEET
+
+
+class _Tile:
+    """One drape at its end: cloth and solids as triangles about the middle of the cloth."""
+
+    def __init__(self, index: int, file: Path):
+        self.index = index
+        playback = Playback(file)
+        end = playback.frames - 1
+        cloths = [(playback.points(cloth, end), cloth.triangles, cloth.color) for cloth in playback.cloths]
+        surfaces = [
+            SolidShape(item).place(playback.time(end)) for item in playback.obstacles if not isinstance(item, Plane)
+        ]
+        solids = [(surface.points, surface.triangles, surface.albedo) for surface in surfaces]
+        self.parts: list[tuple[np.ndarray, np.ndarray, Any]] = [*cloths, *solids]
+        points = np.concatenate([part[0] for part in cloths] or [np.zeros((1, 3))])
+        self.middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) * (1.0, 1.0, 0.0)
+        self.low = min(float(part[0][:, 2].min()) for part in self.parts) if self.parts else 0.0
+        self.width = float(np.ptp(points[:, :2], axis=0).max())
+
+    def draw(self, plotter: Any, pyvista: Any, place: np.ndarray, step: float) -> None:
+        """Adds it at ``place``, on a plate of its own with its number."""
+        for points, triangles, color in self.parts:
+            faces = np.column_stack([np.full(len(triangles), 3), triangles])
+            mesh = pyvista.PolyData(points - self.middle + place, faces)
+            mesh.point_data["Normals"] = vertex_normals(points, triangles)
+            display = np.clip(np.asarray(color, float), 0.0, 1.0) ** (1.0 / 2.2)
+            plotter.add_mesh(mesh, color=display, smooth_shading=True, specular=0.1, ambient=0.15)
+        floor = place + np.array([0.0, 0.0, self.low - 2e-3 * step])
+        plate = pyvista.Plane(center=floor, direction=(0, 0, 1), i_size=0.97 * step, j_size=0.97 * step)
+        plotter.add_mesh(plate, color="#e3e0da", lighting=False)
+        corner = place + step * np.array([-0.46, -0.46, 0.0])
+        plotter.add_point_labels(
+            [corner], [str(self.index)], font_size=13, text_color="#555555", shape=None, show_points=False,
+            always_visible=True, justification_horizontal="left",
+        )  # fmt: skip
+
+
+def _look(plotter: Any, step: float, columns: int, rows: int, size: tuple[int, int]) -> None:
+    """The camera above the front row, so that all tiles just fill the picture."""
+    middle = np.array([0.5 * step * (columns - 1), -0.5 * step * (rows - 1), 0.0])
+    angle = math.radians(ELEVATION)
+    away = 10.0 * step * max(columns, rows)
+    plotter.camera_position = [
+        tuple(middle + away * np.array([0.0, -math.cos(angle), math.sin(angle)])), tuple(middle), (0.0, 0.0, 1.0)
+    ]  # fmt: skip
+    plotter.enable_parallel_projection()
+    tall = 0.5 * step * (rows * math.sin(angle) + 0.4)
+    wide = 0.5 * step * columns * size[1] / size[0]
+    plotter.camera.parallel_scale = 1.03 * max(tall, wide)
