@@ -1,9 +1,10 @@
-"""Fans: the triangles around a vertex. Where a fan is nearly flat, no two of its triangles can touch.
+"""Fans: the triangles around a vertex. While a fan is nearly flat, no two of its triangles can touch.
 
 If all normals of a fan have a positive component along one direction, and its triangles go around the vertex once at
-most, then seen along that direction it is a disc or a sector, and no feature of one of its triangles meets another.
-Flat at the start and flat at the end of an interval is enough for there to be no crossing at the end. So pairs of
-triangles with a common vertex, by far the most of all that are near each other, are looked at in sharp folds only.
+most, then seen along that direction it is a disc or a sector, and no feature of one of its triangles meets another. On
+a straight way normals are quadratic in time: they have that component all along if their three Bézier points have it.
+So pairs of triangles with a common vertex, by far the most of all that are near each other, are looked at in sharp
+folds only. (Flat at both ends is not enough: edges may pass each other on the way, and end in some other triangle.)
 """
 
 import sys
@@ -28,6 +29,20 @@ def arm(points: wp.array(dtype=vec3), centre: int, i: int):
     )
 
 
+@wp.func
+def leans(n: wp.vec3d, axis: wp.vec3d):
+    """Whether a normal is too far from the axis."""
+    return not wp.dot(n, axis) > STEEP * wp.length(n)
+
+
+@wp.func
+def passes(up: wp.vec3d, a: wp.vec3d, b: wp.vec3d):
+    """1 if the way from spoke a to spoke b passes the direction that ``up`` is a quarter turn ahead of."""
+    if wp.dot(a, up) < wp.float64(0.0) and wp.dot(b, up) >= wp.float64(0.0):
+        return 1
+    return 0
+
+
 @wp.kernel
 def find_flat_fans(
     # Model
@@ -35,35 +50,45 @@ def find_flat_fans(
     fan_spokes: wp.array(dtype=wp.vec2i),
     fan_turns: wp.array(dtype=wp.int32),
     # State in
-    particle_q: wp.array(dtype=vec3),
-    also: wp.array(dtype=wp.int32),
+    particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3),
     # Out
     flat_out: wp.array(dtype=wp.int32),
 ):
-    """1 where the fan is flat, and was ``also``; else 0.
+    """1 where the fan is flat on all of its straight way, else 0.
 
     ``fan_turns`` is how often a flat fan passes its first spoke again: 1 for one that is closed, 0 for one that is
-    open, −1 for one that is not a fan (two that share a vertex).
+    open, −1 for one that is not a fan (two that share a vertex). A closed one keeps its turns on the way; an open one
+    might open further, so its spokes may turn by less than a right angle, and must not pass the first spoke from
+    wherever either is at the start to wherever the other is at the end.
     """
     i = wp.tid()
     flat_out[i] = 0
     turns = fan_turns[i]
-    if turns < 0 or also[i] == 0:
+    first = fan_start[i]
+    last = fan_start[i + 1]
+    if turns < 0 or first == last:
         return
-    zero = wp.float64(0.0)
     axis = wp.vec3d()
-    for k in range(fan_start[i], fan_start[i + 1]):
-        axis += wp.cross(arm(particle_q, i, fan_spokes[k][0]), arm(particle_q, i, fan_spokes[k][1]))
+    for k in range(first, last):
+        a = arm(particle_from, i, fan_spokes[k][0]) + arm(particle_to, i, fan_spokes[k][0])
+        b = arm(particle_from, i, fan_spokes[k][1]) + arm(particle_to, i, fan_spokes[k][1])
+        axis += wp.cross(a, b)
     axis = wp.normalize(axis)
-    up = wp.cross(axis, arm(particle_q, i, fan_spokes[fan_start[i]][0]))
-    for k in range(fan_start[i], fan_start[i + 1]):
-        a = arm(particle_q, i, fan_spokes[k][0])
-        b = arm(particle_q, i, fan_spokes[k][1])
-        n = wp.cross(a, b)
-        if not wp.dot(n, axis) > STEEP * wp.length(n):
+    up = wp.cross(axis, arm(particle_from, i, fan_spokes[first][0]))
+    up_later = wp.cross(axis, arm(particle_to, i, fan_spokes[first][0]))
+    for k in range(first, last):
+        a = arm(particle_from, i, fan_spokes[k][0])
+        b = arm(particle_from, i, fan_spokes[k][1])
+        c = arm(particle_to, i, fan_spokes[k][0])
+        d = arm(particle_to, i, fan_spokes[k][1])
+        if leans(wp.cross(a, b), axis) or leans(wp.cross(c, d), axis) or leans(wp.cross(a, d) + wp.cross(c, b), axis):
             return
-        if wp.dot(a, up) < zero and wp.dot(b, up) >= zero:
-            turns -= 1
+        turns -= passes(up, a, b)
+        if fan_turns[i] == 0:
+            turns -= passes(up, c, d) + passes(up_later, a, b) + passes(up_later, c, d)
+            if wp.dot(a, c) < wp.dot(a, axis) * wp.dot(c, axis) or wp.dot(b, d) < wp.dot(b, axis) * wp.dot(d, axis):
+                return
     if turns == 0:
         flat_out[i] = 1
 

@@ -12,6 +12,7 @@ from .closest import combine, pair_weights, time_of_impact
 from .contact_pairs import Pairs, wide
 from .contact_response import KICK_UNIT, MOVE_UNIT, SHARE_UNIT, add_fixed, add_share
 from .precision import OPTIONS, real, vec3
+from .shapes import MESH, Placement, Shapes, distance, to_local, to_world
 
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
@@ -130,6 +131,37 @@ def bounce(
             c = part * w[m] * wp.float64(particle_inv_mass[i[m]]) / effective
             add_fixed(move_out, i[m], c * move, MOVE_UNIT)
             add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
+
+
+@wp.kernel
+def keep_out(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    particle_radius: wp.array(dtype=real),
+    shapes: Shapes,
+    # State in
+    place: wp.array(dtype=Placement),
+    impacts: wp.array(dtype=wp.int32),
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+):
+    """Puts particles that impacts have pushed into spheres, capsules, boxes and planes back on their surfaces.
+
+    Meshes are not among them: their triangles take part in the impacts.
+    """
+    i = wp.tid()
+    if impacts[0] == 0 or particle_inv_mass[i] == real(0.0):
+        return
+    w = particle_world[i]
+    for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
+        if shapes.kind[s] != MESH:
+            offset = particle_radius[i] + shapes.thickness[s]
+            x = to_local(place[s], particle_q_out[i])
+            here = distance(shapes.kind[s], shapes.size[s], x)
+            if here[3] < real(0.99) * offset:
+                out = x + (offset - here[3]) * vec3(here[0], here[1], here[2])
+                particle_q_out[i] = to_world(place[s], out)
 
 
 @wp.kernel

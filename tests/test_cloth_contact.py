@@ -81,14 +81,13 @@ def test_response_alone_conserves_momentum():
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_violent_folds_are_parted_and_nothing_is_held_back(integrator):
-    """A ball is hurled through a sheet hung by two corners, and back: layers meet faster than the response can part."""
+    """A sheet hung by two corners is thrown down at 12 m/s: layers meet faster than the response can part them."""
     upright = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0.5], [0, 0, 0, 1.0]])
-    there_and_back = wc.Motion([0, 0.25, 0.5], [[0, 0, 0], [0, 0.6, -0.1], [0, 0, 0]], np.zeros((3, 3)))
-    ball = wc.Sphere((0, -0.25, 0.45), 0.08, motion=there_and_back)
-    cloth = sheet(n=20, transform=upright, pins=["top_left", "top_right"])
-    sim = touching(wc.Model.build(cloth, ball), integrator=integrator, substeps=30)
-    assert_never_intersects(sim, 50)
-    assert sim.metrics()["contact_impacts"] > 0
+    cloth = sheet(n=20, transform=upright, pins=["top_left", "top_right"], velocity=(0, 4, -12))
+    model = wc.Model.build(cloth, wc.Plane((0, 0, 0.1)))
+    sim = touching(model, integrator=integrator, substeps=30)
+    assert_never_intersects(sim, 25)
+    assert sim.metrics()["contact_impacts"] > 100
     assert sim.metrics()["contact_held"] == 0
 
 

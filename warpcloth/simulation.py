@@ -291,7 +291,8 @@ class Simulation:
         if self.substeps and dt == self._auto_dt:
             return self.substeps
         self._auto_dt = dt
-        return stability.substeps_for(self.model, self.integrator, dt, MAX_SUBSTEPS)
+        stable = stability.substeps_for(self.model, self.integrator, dt, MAX_SUBSTEPS)
+        return max(stable, self.contact.intervals(dt))
 
     def _warn_if_unstable(self, dt: float) -> None:
         """Once for each length of frame."""

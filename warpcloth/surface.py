@@ -73,7 +73,7 @@ class Surface:
         self.body = model.array(np.repeat(np.arange(len(sizes)), sizes), wp.int32)
         self._join_triangles(solids)
         cloth = float(model.particle_radius.numpy().max())
-        self.edge = self._median_edge()
+        self.edge = median_edge(model.particle_q.numpy(), model.tri_indices.numpy())
         self.thickest = cloth + max([cloth, *(solid.obstacle.thickness for solid in solids)])
 
     def _join_triangles(self, solids: list[Facets]) -> None:
@@ -83,10 +83,6 @@ class Surface:
         self.tri_indices = self.model.array(corners, wp.int32)
         self.tri_owned = self.model.array(owned_features(corners), wp.int32)
         self.particle_count, self.tri_count = int(firsts[-1]), len(corners)
-
-    def _median_edge(self) -> float:
-        points, triangles = self.model.particle_q.numpy(), self.model.tri_indices.numpy()
-        return float(np.median(np.linalg.norm(points[triangles] - points[np.roll(triangles, 1, axis=1)], axis=2)))
 
     def _find_deforming(self, solids: list[Facets]) -> list[tuple[wp.Mesh, int]]:
         """Meshes whose own points change, and where theirs begin among all obstacle points."""
@@ -117,6 +113,11 @@ class Surface:
             outputs=[out],
             device=self.model.device,
         )
+
+
+def median_edge(points: np.ndarray, triangles: np.ndarray) -> float:
+    """Median length [m] of the edges of triangles, shape [m, 3], over points, shape [n, 3]."""
+    return float(np.median(np.linalg.norm(points[triangles] - points[np.roll(triangles, 1, axis=1)], axis=2)))
 
 
 def owned_features(triangles: np.ndarray) -> np.ndarray:

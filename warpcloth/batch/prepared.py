@@ -8,11 +8,13 @@ from typing import Any
 
 from .. import stability
 from ..cloth import Cloth
+from ..contact.intervals import intervals_needed
 from ..integrators import INTEGRATORS, make_integrator
 from ..motion import Motion
 from ..scenes import Scene
 from ..scenes.built import BuiltScene, make_model
 from ..simulation import MAX_SUBSTEPS
+from ..surface import median_edge
 from .sweep import Sample
 
 
@@ -45,7 +47,8 @@ class Prepared:
         damped = [any(f.damping_time > 0.0 for f in fabrics), scene.air.density > 0.0]  # schemes look at these
         limited = any(f.strain_limit is not None for f in fabrics)
         alone = self.sample.index if coupled else None
-        return json.dumps([scene.fps, options, thickness, damped, limited, alone], sort_keys=True)
+        facts = [scene.fps, options, thickness, contact_intervals(self.built), damped, limited, alone]
+        return json.dumps(facts, sort_keys=True)
 
     @cached_property
     def last_motion(self) -> float:
@@ -77,8 +80,17 @@ def prepare(sample: Sample) -> Prepared:
         substeps = _substeps(json.dumps(facts, sort_keys=True), _Cloths(built.cloths, sample.scene))
     else:
         substeps = _needed(BuiltScene(sample.scene, [], [], built.network))
-    scene = sample.scene.changed({"simulation.substeps": rounded_up(substeps)})
+    fewest = max(rounded_up(substeps), contact_intervals(built))
+    scene = sample.scene.changed({"simulation.substeps": fewest})
     return Prepared(sample, BuiltScene(scene, built.cloths, built.obstacles, built.network))
+
+
+def contact_intervals(built: BuiltScene) -> int:
+    """Detections of contact among cloths in a frame; 1 where there are none."""
+    if built.scene.simulation.contact != "all" or not built.cloths:
+        return 1
+    edge = min(median_edge(cloth.points, cloth.triangles) for cloth in built.cloths)
+    return intervals_needed(edge, built.obstacles, 1.0 / built.scene.fps)
 
 
 def rounded_up(substeps: int) -> int:

@@ -12,17 +12,18 @@ import warp as wp
 
 from ..errors import DivergedError
 from ..model import Model
+from ..obstacles import Obstacle
 from ..state import State
-from ..surface import Surface
+from ..surface import Surface, median_edge
+from .intervals import INTERVAL, intervals_needed
 from .pair_finder import PairFinder
 from .pair_list import PairList, loop_width
 
 SEPARATION = 1e-6  # [m] that the guard keeps between any two; well above the rounding of float32 at a metre
 REACH = 1.25  # pairs nearer than this many contact distances are listed
 TORN = 10.0  # an edge this many times its length has no cloth in it: the integrator has diverged
-ROUNDS = 16  # of parting what would meet, before the rest is held back; few scenes need more than 4
+ROUNDS = 40  # of parting what would meet, before the rest is held back; few scenes need more than 4
 CLEARANCE = 0.3  # share of its contact distance at which a pair that would have met ends
-INTERVAL = 1.0 / 120.0  # [s] that a list of near pairs is used
 
 
 class ClothContact:
@@ -39,6 +40,7 @@ class ClothContact:
         self.kernels = model.kernels
         self.surface = Surface(model)
         n, tris, device = self.surface.particle_count, self.surface.tri_count, model.device
+        self._worlds = self._edges_and_obstacles()
         self.near = PairList(model, 2 * tris)
         self.swept = PairList(model, 20 * model.tri_count)
         self.start, self.before, self.now = (self.surface.positions() for _ in range(3))
@@ -51,6 +53,10 @@ class ClothContact:
         self.counts, self.counts_before = (wp.zeros(4, dtype=wp.int32, device=device) for _ in range(2))
         self.finder, self.width = PairFinder(model, self.surface), loop_width(device)
 
+    def intervals(self, dt: float) -> int:
+        """Intervals in a frame of dt [s]: as many as the world with the fastest obstacles and finest cloth needs."""
+        return max(intervals_needed(edge, obstacles, dt) for edge, obstacles in self._worlds)
+
     def begin(self, state: State) -> None:
         """Starts an interval at ``state``; lists what is near, or will be at the present velocities."""
         model, surface = self.model, self.surface
@@ -62,9 +68,9 @@ class ClothContact:
         model.shapes.place(model.tracks, state.world_time, 0.0)
         surface.place(state.particle_q, model.shapes.end, self.now)
         wp.copy(self.start, self.now)
-        self.finder.look_at_fans(state.particle_q, self.finder.all, self.finder.flat_start)
+        self.finder.look_at_fans(self.start, self.start)
         reach = REACH * surface.thickest
-        self.finder.find(self.near, self.start, self.before, reach, self.finder.flat_start, together=1)
+        self.finder.find(self.near, self.start, self.before, reach, self.finder.flat, together=1)
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``; obstacles have been placed."""
@@ -140,10 +146,20 @@ class ClothContact:
         names = ("contact_held", "contact_pinched", "contact_impacts", "contact_rounds")
         return dict(zip(names, self.counts.numpy().tolist(), strict=True))
 
+    def _edges_and_obstacles(self) -> list[tuple[float, list[Obstacle]]]:
+        """Of each world with cloth: the shortest of its cloths' median edges [m], and its obstacles."""
+        points, triangles = self.model.particle_q.numpy(), self.model.tri_indices.numpy()
+        edges: dict[int, float] = {}
+        for cloth in self.model.cloths:
+            own = median_edge(points, triangles[cloth.tri_start : cloth.tri_stop])
+            edges[cloth.world] = min(own, edges.get(cloth.world, own))
+        obstacles = self.model.shapes.obstacles
+        return [(edge, [row[1] for row in obstacles if row[0] == world]) for world, edge in edges.items()]
+
     def _part(self, state: State) -> None:
         """One round of impacts; it goes on while there are any, up to ``ROUNDS``."""
         swept, surface, kernels = self.swept, self.surface, self.kernels
-        self.finder.look_at_fans(self.now, self.finder.flat_start, self.finder.flat)
+        self.finder.look_at_fans(self.start, self.now)
         self.finder.find(swept, self.start, self.now, 2.0 * SEPARATION, self.finder.flat, together=1)
         self.impacts.zero_()
         self._launch(
@@ -163,6 +179,14 @@ class ClothContact:
             [self.move, self.kick],
         )  # fmt: skip
         self._commit(state)
+        self._launch(
+            kernels.contact_impact.keep_out, self.model.particle_count,
+            [
+                surface.inv_mass, surface.world, surface.radius, self.model.shapes.shapes, self.model.shapes.end,
+                self.impacts,
+            ],
+            [state.particle_q],
+        )  # fmt: skip
         wp.copy(self.now, state.particle_q, count=self.model.particle_count)
 
     def _commit(self, state: State) -> None:

@@ -17,7 +17,7 @@ class PairFinder:
     """Lists pairs of points and triangles, and of edges, that can come near each other between two sets of positions.
 
     Attributes:
-        flat_start, flat, all, none: masks of fans, for whoever calls; shape [particle_count].
+        flat, none: masks of fans, shape [particle_count].
     """
 
     def __init__(self, model: Model, surface: Surface):
@@ -41,8 +41,7 @@ class PairFinder:
         self.fan_start, self.fan_turns = model.array(fans.start, wp.int32), model.array(fans.turns, wp.int32)
         self.fan_spokes = model.array(fans.spokes, wp.vec2i)
         self.shared = model.array(fans.shared, wp.vec4i)
-        self.flat, self.flat_start = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(2))
-        self.all, self.none = (wp.full(n, value, dtype=wp.int32, device=device) for value in (1, 0))
+        self.flat, self.none = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(2))
 
     def find(
         self, target: PairList, start: wp.array, end: wp.array, margin: float, flat: wp.array, together: int
@@ -80,10 +79,10 @@ class PairFinder:
         self._launch(kernels.remove_drift, surface.particle_count, [surface.world, end, self.drift], [self.relative])
         return self.relative
 
-    def look_at_fans(self, particle_q: wp.array, also: wp.array, out: wp.array) -> None:
-        """Writes 1 for each vertex whose fan is flat at ``particle_q`` and in ``also``, else 0."""
-        inputs = [self.fan_start, self.fan_spokes, self.fan_turns, particle_q, also]
-        self._launch(self.kernels.contact_fans.find_flat_fans, self.model.particle_count, inputs, [out])
+    def look_at_fans(self, start: wp.array, end: wp.array) -> None:
+        """Notes in ``flat`` which fans are flat all the way between two sets of positions."""
+        inputs = [self.fan_start, self.fan_spokes, self.fan_turns, start, end]
+        self._launch(self.kernels.contact_fans.find_flat_fans, self.model.particle_count, inputs, [self.flat])
 
     def grow(self) -> bool:
         """Makes room for half as much again as there was ever need of; False if there was room enough."""

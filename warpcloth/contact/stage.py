@@ -5,7 +5,7 @@ from typing import Any
 
 from ..model import Model
 from ..state import State
-from .cloth_contact import INTERVAL, ClothContact
+from .cloth_contact import ClothContact
 from .obstacle_response import ObstacleResponse
 
 CONTACTS = ("all", "obstacles", "none")
@@ -29,9 +29,13 @@ class ContactStage:
         """Whether the stage may change the end of a step at all."""
         return self.cloths is not None or (self.obstacles is not None and self.model.shapes.count > 0)
 
+    def intervals(self, dt: float) -> int:
+        """Detections in a frame of dt [s], and so the fewest substeps; 1 without contact among cloths."""
+        return 1 if self.cloths is None else self.cloths.intervals(dt)
+
     def interval(self, dt: float, substeps: int) -> int:
         """Substeps that share one detection, of ``substeps`` in a frame of dt [s]."""
-        return max(1, math.ceil(substeps / math.ceil(dt / INTERVAL - 1e-9)))
+        return math.ceil(substeps / min(substeps, self.intervals(dt)))
 
     def begin(self, state: State) -> None:
         """Before the first substep of an interval."""
