@@ -161,24 +161,38 @@ class Motion:
 @wp.func
 def resolve(
     x0: vec3, v0: vec3, end: Motion, n: vec3, carried: vec3, dt: real, gap: real, start_gap: real, slop: real,
-    friction: real, restitution: real,
+    friction: real, restitution: real, given: vec3,
 ):  # fmt: skip
-    """Motion after one contact with plane normal n; ``carried`` is the obstacle's displacement there [m]."""
+    """Motion after one contact with plane normal n; ``carried`` is the obstacle's displacement there [m].
+
+    ``given`` is what the obstacle has already done to the velocity within the step [m/s]: its normal part counts for
+    friction, and friction is put right to what Coulomb's law says, be it more or less.
+    """
     out = Motion()
     surface_velocity = carried / dt
     v = end.v - surface_velocity
     approach = wp.min(wp.dot(v0 - surface_velocity, n), real(0.0))
     vn = wp.dot(v, n)
+    held = wp.max(wp.dot(given, n), real(0.0))
+    rubbed = given - wp.dot(given, n) * n
     impulse = -restitution * approach - vn
-    keep = real(1.0)
-    if impulse > real(0.0):
-        tangential = v - vn * n
-        slip = wp.length(tangential)
-        keep = wp.max(real(1.0) - friction * impulse / wp.max(slip, real(1.0e-30)), real(0.0))
-        v = keep * tangential + (vn + impulse) * n
-    out.v = v + surface_velocity
+    tangential = v - vn * n
+    change = -rubbed
+    stuck = int(0)
+    if impulse > real(0.0) or held > real(0.0):
+        wanted = rubbed - tangential
+        most = friction * (wp.max(impulse, real(0.0)) + held)
+        size = wp.length(wanted)
+        if size <= most:
+            stuck = int(1)
+            change = -tangential
+        else:
+            change = (most / size) * wanted - rubbed
+        out.v = tangential + change + (vn + wp.max(impulse, real(0.0))) * n + surface_velocity
+    else:
+        out.v = v + change + surface_velocity
     resting = wp.abs(start_gap) <= slop
-    if keep == real(0.0) and resting:
+    if stuck == 1 and resting:
         out.x = x0 + carried
         return out
     moved = end.x - x0 - carried
@@ -186,7 +200,12 @@ def resolve(
     in_contact = real(1.0)
     if start_gap > slop and normal_part < real(0.0):
         in_contact = wp.clamp(gap / normal_part, real(0.0), real(1.0))
-    slide = (real(1.0) - keep) * in_contact * (moved - normal_part * n)
+    slip = wp.length(tangential)
+    slide = in_contact * (moved - normal_part * n)
+    if wp.dot(given, given) > real(0.0):
+        slide = -dt * change
+    elif stuck == 0:
+        slide = (wp.length(change) / wp.max(slip, real(1.0e-30))) * slide
     out.x = end.x - slide + wp.max(-gap, real(0.0)) * n
     return out
 
@@ -205,11 +224,16 @@ def respond(
     start: wp.array(dtype=Placement),
     end: wp.array(dtype=Placement),
     dt: real,
+    impulse: wp.array(dtype=vec3),
+    impulse_shape: wp.array(dtype=wp.int32),
     # Out
     particle_q_out: wp.array(dtype=vec3),
     particle_qd_out: wp.array(dtype=vec3),
 ):
-    """Corrects the end of a step (``_out``) that began at (``particle_q``, ``particle_qd``) against every obstacle."""
+    """Corrects the end of a step (``_out``) that began at (``particle_q``, ``particle_qd``) against every obstacle.
+
+    ``impulse`` [m/s] of obstacle ``impulse_shape``, unless that is −1, is already in the velocities.
+    """
     i = wp.tid()
     if particle_inv_mass[i] == real(0.0):
         return
@@ -224,6 +248,9 @@ def respond(
         slop = real(1.0e-3) * offset
         friction = wp.sqrt(particle_friction[i] * shapes.friction[s])
         a = to_local(start[s], x0)
+        given = vec3()
+        if impulse_shape[i] == s:
+            given = impulse[i]
         for _pass in range(MAX_PASSES):
             b = to_local(end[s], now.x)
             hit = find_hit(shapes, s, dt, a, b, offset, slop)
@@ -232,8 +259,9 @@ def respond(
             n = end[s].rotation * hit.normal
             carried = to_world(end[s], a) - to_world(start[s], a) + end[s].rotation * hit.surface
             now = resolve(
-                x0, v0, now, n, carried, dt, hit.gap, hit.start_gap, slop, friction, shapes.restitution[s]
+                x0, v0, now, n, carried, dt, hit.gap, hit.start_gap, slop, friction, shapes.restitution[s], given
             )  # fmt: skip
+            given = vec3()
             if hit.gap > -slop:
                 break
     particle_q_out[i] = now.x

@@ -274,18 +274,19 @@ def test_collapsed_cloth_stays_finite():
         assert np.isfinite(phase(sim)).all()
 
 
-@pytest.mark.parametrize("name", ["implicit_euler", "linear_implicit_euler", "bdf2"])
-def test_stiff_cloth_drapes_on_a_sphere(name):
-    """Contact moves particles after the solve, so stiff cloth on obstacles wants a few substeps."""
+@pytest.mark.parametrize(("name", "substeps"), [("implicit_euler", 1), ("linear_implicit_euler", 4), ("bdf2", 4)])
+def test_stiff_cloth_drapes_on_a_sphere(name, substeps):
+    """Implicit Euler knows what cloth stands on while it solves, so it needs one step a frame; where contact moves
+    particles after the solve only, stiff cloth wants a few."""
     fabric = wc.Fabric(stretch_stiffness=5000.0, shear_stiffness=1000.0)
     cloth = wc.Cloth.grid((1.0, 1.0), (24, 24), fabric, transform=(0.0, 0.0, 0.31))
     model = wc.Model.build([cloth], [wc.Sphere(center=(0, 0, 0), radius=0.3)])
-    sim = wc.Simulation(model, name, substeps=4)
+    sim = wc.Simulation(model, name, substeps=substeps)
     for _ in range(10):
         sim.step(1.0 / 60.0)
     measures = sim.metrics()
     assert measures["unconverged_steps"] == 0
-    assert measures["mean_strain"] < 0.01
+    assert measures["mean_strain"] < (0.003 if substeps == 1 else 0.01)
     assert measures["max_penetration_m"] < 1e-4
     lowest = sim.state.particle_q.numpy()[:, 2].min()
     assert -0.1 < lowest < 0.25  # the edges fall, the middle lies on the sphere

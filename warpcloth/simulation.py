@@ -80,7 +80,10 @@ class Simulation:
         self.forces = Forces(model, force_terms(model, self.integrator, assembly, air), self._world_gravity(gravity))
         passes = model.limits_strain and self.integrator.solves_springs_only
         self._limit_pass = LimitPass(model) if passes else None
-        self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"))
+        share = self.integrator.contact_share
+        self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"), share)
+        if self.contact.support is not None:
+            self.forces.terms.append(self.contact.support)
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other, self._before = self.state.twin(), self.state.twin()
@@ -253,6 +256,7 @@ class Simulation:
 
     def _substep(self, now: State, later: State, dt: float) -> None:
         later.forces_current = False
+        self.contact.place(now, dt)
         with self.watch.stage("integrate"):
             self.integrator.step(self.model, now, later, self.forces, dt)
             if self._limit_pass is not None:

@@ -4,13 +4,22 @@ import warp as wp
 
 from ..model import Model
 from ..state import State
+from .obstacle_support import ObstacleSupport
 
 
 class ObstacleResponse:
-    """Corrects the end of each step against all obstacles of the model."""
+    """Corrects the end of each step against all obstacles of the model.
 
-    def __init__(self, model: Model):
+    Args:
+        model: the model.
+        support: what obstacles already do within the step; None: nothing.
+    """
+
+    def __init__(self, model: Model, support: ObstacleSupport | None = None):
         self.model = model
+        none = wp.full(model.particle_count, -1, dtype=wp.int32, device=model.device)
+        self._shape = none if support is None else support.shape
+        self._impulse = wp.zeros_like(model.particle_q) if support is None else support.impulse
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Corrects ``state_out``, dt [s] after ``state_in``; obstacles have been placed. Launches kernels only."""
@@ -23,6 +32,7 @@ class ObstacleResponse:
             inputs=[
                 model.particle_inv_mass, model.particle_world, model.particle_radius, model.particle_friction,
                 shapes.shapes, state_in.particle_q, state_in.particle_qd, shapes.start, shapes.end, dt,
+                self._impulse, self._shape,
             ],
             outputs=[state_out.particle_q, state_out.particle_qd],
             device=model.device,

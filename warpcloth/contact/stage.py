@@ -7,6 +7,7 @@ from ..model import Model
 from ..state import State
 from .cloth_contact import ClothContact
 from .obstacle_response import ObstacleResponse
+from .obstacle_support import ObstacleSupport
 
 CONTACTS = ("all", "obstacles", "none")
 
@@ -17,11 +18,17 @@ class ContactStage:
     Args:
         model: the model.
         contact: one of :data:`CONTACTS`.
+        share: γ of a scheme that takes obstacles as forces within its step; 0: none are.
+
+    Attributes:
+        support: obstacles as a force term, None where they act at the ends of steps only.
     """
 
-    def __init__(self, model: Model, contact: str):
+    def __init__(self, model: Model, contact: str, share: float = 0.0):
         self.model = model
-        self.obstacles = ObstacleResponse(model) if contact != "none" else None
+        within = share > 0.0 and contact != "none" and model.shapes.count > 0
+        self.support = ObstacleSupport(model, share) if within else None
+        self.obstacles = ObstacleResponse(model, self.support) if contact != "none" else None
         self.cloths = ClothContact(model) if contact == "all" and model.tri_count > 0 else None
 
     @property
@@ -42,10 +49,15 @@ class ContactStage:
         if self.cloths is not None:
             self.cloths.begin(state)
 
+    def place(self, state: State, dt: float) -> None:
+        """Before each substep of dt [s] from ``state``: puts obstacles where they are and will be."""
+        if self.acts:
+            self.model.shapes.place(self.model.tracks, state.world_time, dt)
+        if self.support is not None:
+            self.support.begin(state, dt)
+
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """After each substep of dt [s]: corrects its end. Obstacles come last: they do not give way."""
-        if self.acts:
-            self.model.shapes.place(self.model.tracks, state_in.world_time, dt)
         if self.cloths is not None:
             self.cloths.resolve(state_in, state_out, dt)
         if self.obstacles is not None:

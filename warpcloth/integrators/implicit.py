@@ -58,7 +58,7 @@ class ImplicitScheme(Integrator):
         model: Model,
         *,
         tolerance: float | None = None,
-        max_iterations: int = 50,
+        max_iterations: int = 100,
         cg_tolerance: float | None = None,
         cg_iterations: int = 1000,
     ):
@@ -112,6 +112,7 @@ class ImplicitEuler(ImplicitScheme):
 
     name = "implicit_euler"
     order = 1
+    contact_share = 1.0
     stage = Stage(gamma=1.0)
     reference = "Hairer, Wanner, Solving Ordinary Differential Equations II (1996), IV.3"
     cost = "a few Newton iterations, each of tens to hundreds of matrix products"

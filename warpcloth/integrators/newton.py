@@ -58,7 +58,7 @@ class Newton:
         self,
         model: Model,
         tolerance: float | None = None,
-        max_iterations: int = 50,
+        max_iterations: int = 100,
         cg_tolerance: float | None = None,
         cg_iterations: int = 1000,
     ):

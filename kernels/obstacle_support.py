@@ -1,0 +1,144 @@
+"""Obstacles as forces inside an implicit step: what stands on them is held up while the springs are solved for.
+
+A particle closer to an obstacle than its contact distance plus ``slop`` is pushed out by a stiff spring, so stiff that
+it gives way by micrometres: κ = ``STIFFNESS`` m/h². Coulomb friction acts on it against its slip relative to the
+obstacle, smoothed where the particle sticks: there it slips by 1/``GRIP`` of what it would without friction. Both only
+bring the solution near the true one. The response at the end of the step makes contact exact, and for that it needs to
+know the impulse that was given here.
+"""
+
+import sys
+
+import warp as wp
+
+from .obstacle_contact import find_hit
+from .precision import OPTIONS, mat33, real, vec3
+from .shapes import Placement, Shapes, to_local, to_world
+
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+
+STIFFNESS = wp.constant(1.0e2)
+GRIP = wp.constant(2.0e1)
+
+
+@wp.kernel
+def support(
+    # Model
+    particle_mass: wp.array(dtype=real),
+    particle_inv_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    particle_radius: wp.array(dtype=real),
+    particle_friction: wp.array(dtype=real),
+    shapes: Shapes,
+    # State in
+    particle_start: wp.array(dtype=vec3),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    start: wp.array(dtype=Placement),
+    end: wp.array(dtype=Placement),
+    dt: real,
+    gamma: real,
+    # Out
+    particle_f_out: wp.array(dtype=vec3),
+    stiffness_out: wp.array(dtype=mat33),
+    damping_out: wp.array(dtype=mat33),
+    sliding_out: wp.array(dtype=mat33),
+    impulse_out: wp.array(dtype=vec3),
+    shape_out: wp.array(dtype=wp.int32),
+):
+    """Adds the forces; their 3×3 stiffness and damping blocks, what of the damping is too much as friction keeps its
+    size, the velocity that they give to the particle in a step of weight ``gamma``, and the obstacle that gives most
+    of it."""
+    i = wp.tid()
+    stiffness = mat33()
+    damping = mat33()
+    sliding = mat33()
+    impulse = vec3()
+    shape = int(-1)
+    if particle_inv_mass[i] > real(0.0):
+        w = particle_world[i]
+        mass = particle_mass[i]
+        x0 = particle_start[i]
+        kappa = real(STIFFNESS) * mass / (dt * dt)
+        force = vec3()
+        deepest = real(0.0)
+        for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
+            offset = particle_radius[i] + shapes.thickness[s]
+            slop = real(1.0e-3) * offset
+            a = to_local(start[s], x0)
+            hit = find_hit(shapes, s, dt, a, to_local(end[s], particle_q[i]), offset, slop)
+            depth = slop - hit.gap
+            if hit.found == 1 and depth > real(0.0):
+                n = end[s].rotation * hit.normal
+                carried = to_world(end[s], a) - to_world(start[s], a) + end[s].rotation * hit.surface
+                u = particle_qd[i] - carried / dt
+                u = u - wp.dot(u, n) * n
+                friction = wp.sqrt(particle_friction[i] * shapes.friction[s]) * kappa * depth
+                drag = real(GRIP) * mass / gamma
+                if friction < drag * wp.length(u):
+                    drag = friction / wp.length(u)
+                    sliding += drag * wp.outer(u, u) / wp.dot(u, u)
+                outer = wp.outer(n, n)
+                stiffness += kappa * outer
+                damping += drag * (wp.identity(n=3, dtype=real) - outer)
+                given = kappa * depth * n - drag * u
+                force += given
+                if depth > deepest:
+                    deepest = depth
+                    shape = s
+                    impulse = (gamma / mass) * given
+        particle_f_out[i] = particle_f_out[i] + force
+    stiffness_out[i] = stiffness
+    damping_out[i] = damping
+    sliding_out[i] = sliding
+    impulse_out[i] = impulse
+    shape_out[i] = shape
+
+
+@wp.func
+def block(stiffness: mat33, damping: mat33, sliding: mat33, project: real, a: real, b: real):
+    """a K + b C; friction as if it grew with the slip, which makes far steps safe, as long as projection is wanted."""
+    if project > real(0.0):
+        return a * stiffness + b * damping
+    return a * stiffness + b * (damping - sliding)
+
+
+@wp.kernel
+def products(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    world_project: wp.array(dtype=real),
+    stiffness: wp.array(dtype=mat33),
+    damping: wp.array(dtype=mat33),
+    sliding: wp.array(dtype=mat33),
+    x: wp.array(dtype=vec3),
+    a: real,
+    b: real,
+    # Out
+    product_out: wp.array(dtype=vec3),
+):
+    """Adds (a K + b C) x."""
+    i = wp.tid()
+    project = world_project[particle_world[i]]
+    product_out[i] = product_out[i] + block(stiffness[i], damping[i], sliding[i], project, a, b) * x[i]
+
+
+@wp.kernel
+def diagonal(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    world_project: wp.array(dtype=real),
+    stiffness: wp.array(dtype=mat33),
+    damping: wp.array(dtype=mat33),
+    sliding: wp.array(dtype=mat33),
+    a: real,
+    b: real,
+    # Out
+    blocks_out: wp.array(dtype=mat33),
+):
+    """Adds a K + b C."""
+    i = wp.tid()
+    project = world_project[particle_world[i]]
+    blocks_out[i] = blocks_out[i] + block(stiffness[i], damping[i], sliding[i], project, a, b)

@@ -1,0 +1,73 @@
+"""Obstacles as a force term of implicit steps; the method is described in ``kernels/obstacle_support.py``."""
+
+import warp as wp
+
+from ..forces import Linearization
+from ..model import Model
+from ..state import State
+
+
+class ObstacleSupport:
+    """Holds particles up within the solution of a step, so that springs know what they hang on.
+
+    Args:
+        model: the model, with obstacles.
+        share: γ of the scheme: by this share of the step a force at its end changes velocities.
+
+    Attributes:
+        impulse: velocity change [m/s] of each particle by the latest forces. shape: the obstacle that gave it, or −1.
+    """
+
+    name = "obstacles"
+    velocity_dependent = True
+
+    def __init__(self, model: Model, share: float):
+        self.model, self.share = model, share
+        n, device = model.particle_count, model.device
+        mat33 = model.kernels.precision.mat33
+        self.stiffness, self.damping, self.sliding = (wp.zeros(n, dtype=mat33, device=device) for _ in range(3))
+        self.impulse = wp.zeros(n, dtype=model.vec3, device=device)
+        self.shape = wp.full(n, -1, dtype=wp.int32, device=device)
+        self._start, self._dt = model.particle_q, 1.0
+
+    def begin(self, state: State, dt: float) -> None:
+        """A step of dt [s] starts at ``state``; obstacles have been placed."""
+        self._start, self._dt = state.particle_q, dt
+
+    def accumulate(self, state: State, time_offset: float) -> None:
+        """Adds the forces [N] at ``state``, the end of the step, to ``state.particle_f``."""
+        model, shapes = self.model, self.model.shapes
+        wp.launch(
+            model.kernels.obstacle_support.support,
+            dim=model.particle_count,
+            inputs=[
+                model.particle_mass, model.particle_inv_mass, model.particle_world, model.particle_radius,
+                model.particle_friction, shapes.shapes, self._start, state.particle_q, state.particle_qd, shapes.start,
+                shapes.end, self._dt, self.share * self._dt,
+            ],
+            outputs=[state.particle_f, self.stiffness, self.damping, self.sliding, self.impulse, self.shape],
+            device=model.device,
+        )  # fmt: skip
+
+    def energy(self, state: State) -> dict[str, float]:
+        """None: at the ends of steps nothing is pressed in."""
+        return {}
+
+    def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
+        """Adds (a K + b C) x, of the latest forces, to ``out``; the change of friction with pressure is left out."""
+        self._launch("products", at, [x], out)
+
+    def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
+        """Adds the 3×3 diagonal blocks of a K + b C to ``out``."""
+        self._launch("diagonal", at, [], out)
+
+    def _launch(self, kernel: str, at: Linearization, x: list, out: wp.array) -> None:
+        model = self.model
+        blocks = [self.stiffness, self.damping, self.sliding]
+        wp.launch(
+            getattr(model.kernels.obstacle_support, kernel),
+            dim=model.particle_count,
+            inputs=[model.particle_world, at.world_project, *blocks, *x, at.stiffness, at.damping],
+            outputs=[out],
+            device=model.device,
+        )
