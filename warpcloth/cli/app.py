@@ -9,11 +9,23 @@ from typing import Annotated, Any
 
 import typer
 
-from . import batch, bench, check, compile, fabrics, integrators, lab, render, scenes, simulate
+from . import batch, bench, check, compile, fabrics, integrators, lab, render, scenes, simulate, view
 from .report import Report, print_report
 from .terminal import quiet_warp, stdout_for_results, warnings_as_lines
 
-COMMANDS: tuple[ModuleType, ...] = (simulate, scenes, check, render, integrators, fabrics, bench, batch, compile, lab)
+COMMANDS: tuple[ModuleType, ...] = (
+    simulate,
+    scenes,
+    check,
+    render,
+    view,
+    integrators,
+    fabrics,
+    bench,
+    batch,
+    compile,
+    lab,
+)
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show Warp's messages and the traceback of an error.")]

@@ -1,0 +1,291 @@
+"""A simulation in its own thread, which takes orders and shows snapshots; it outlives whatever goes wrong in it."""
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import WarpclothError
+from ..scenes import CacheWriter, Scene
+from ..scenes.built import by_cloth
+from .settings import Settings
+from .stage import Stage
+
+HISTORY = 300  # frames of energies
+IDLE = 0.02  # [s] between looks for orders while nothing moves
+ENERGY_EVERY = 3  # frames
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """What there is to see after a frame.
+
+    Attributes:
+        number: grows with every snapshot. time: simulated [s]. status: "paused", "playing" or "failed".
+        error: what went wrong, in words. points [m], speeds [m/s]: by cloth.
+        obstacles: centre [m] and rotation vector [rad], by name.
+        pace: simulated over wall time. energies: times [s] and energies [J] by name, of the last frames.
+        recording: file being written. settings: in force. pinned: points that are held [m], shape [k, 3].
+        message: the latest remark.
+    """
+
+    number: int = 0
+    time: float = 0.0
+    status: str = "paused"
+    error: str = ""
+    points: dict[str, np.ndarray] = field(default_factory=dict)
+    speeds: dict[str, np.ndarray] = field(default_factory=dict)
+    obstacles: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    pace: float = 0.0
+    energies: dict[str, np.ndarray] = field(default_factory=dict)
+    recording: str = ""
+    settings: Settings | None = None
+    pinned: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    message: str = ""
+
+
+class Session:
+    """Orders may be given from any thread; each is carried out between two frames.
+
+    Args:
+        scene: what to simulate. fps: frames per simulated second.
+
+    Raises:
+        WarpclothError: the scene cannot be simulated at all.
+    """
+
+    def __init__(self, scene: Scene, fps: float = 30.0):
+        scene = scene.changed({"fps": fps})
+        options = scene.simulation
+        substeps = 0 if options.substeps == "auto" else int(options.substeps)
+        self.stage = Stage(scene, Settings(options.integrator, substeps, options.gravity, scene.air.wind))
+        self.first = self.stage.settings
+        self._orders: queue.Queue[Callable[[], None] | None] = queue.Queue()
+        self._status, self._error, self._message = "paused", "", ""
+        self._pace, self._number, self._frames = 0.0, 0, 0
+        self._energies: deque[dict[str, float]] = deque(maxlen=HISTORY)
+        self._writer: CacheWriter | None = None
+        self._recorded, self._path = 0, Path()
+        self.snapshot = Snapshot()
+        self._show()
+        self._thread = threading.Thread(target=self._work, name="warpcloth session", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends the thread, and a recording."""
+        self._orders.put(None)
+        self._thread.join()
+
+    def play(self) -> None:
+        """Lets time run."""
+        self._order(lambda: self._set_status("playing"))
+
+    def pause(self) -> None:
+        """Stops time."""
+        self._order(lambda: self._set_status("paused"))
+
+    def toggle(self) -> None:
+        """Play, or pause."""
+        self._order(lambda: self._set_status("paused" if self._status == "playing" else "playing"))
+
+    def single_step(self) -> None:
+        """Pauses, one frame later."""
+        self._order(lambda: (self._set_status("paused"), self._frame()))
+
+    def reset(self) -> None:
+        """Back to the start and to the scene's own settings, whatever has happened."""
+        self._order(self._reset)
+
+    def change(self, **values: Any) -> None:
+        """Changes :class:`Settings`; the cloth goes on from where it is."""
+        self._order(lambda: self._change(values))
+
+    def grab(self, who: Hashable, ray: tuple[Any, Any]) -> None:
+        """Somebody takes the cloth where a ray (origin, direction) meets it."""
+        self._order(lambda: self._grab(who, ray))
+
+    def move(self, who: Hashable, target: Any) -> None:
+        """... leads it to ``target`` [m] ..."""
+        self._order(lambda: self.stage.hands[who].move(target) if who in self.stage.hands else None)
+
+    def release(self, who: Hashable) -> None:
+        """... and lets go, whether or not there was anything to let go of."""
+        self._order(lambda: self._release(who))
+
+    def toggle_pin(self, ray: tuple[Any, Any]) -> None:
+        """Pins the vertex nearest to where a ray meets cloth, or lets it go."""
+        self._order(lambda: self._toggle_pin(ray))
+
+    def lead(self, name: str, displacement: Any, rotation: Any = (0.0, 0.0, 0.0)) -> None:
+        """Leads an obstacle: displacement [m] and rotation vector [rad] relative to where the scene has it."""
+        self._order(lambda: self._lead(name, np.concatenate([displacement, rotation]).astype(float)))
+
+    def record(self, path: Path) -> None:
+        """Begins to write frames to a USD cache."""
+        self._order(lambda: self._record(path))
+
+    def stop_recording(self) -> None:
+        """Completes the cache."""
+        self._order(self._stop_recording)
+
+    def wait(self, timeout: float = 60.0) -> None:
+        """Returns when all orders given so far have been carried out.
+
+        Raises:
+            TimeoutError: they have not been, in time.
+        """
+        done = threading.Event()
+        self._order(done.set)
+        if not done.wait(timeout):
+            raise TimeoutError("the session is busy")
+
+    def _order(self, act: Callable[[], Any]) -> None:
+        self._orders.put(act)
+
+    def _work(self) -> None:
+        due = time.perf_counter()
+        while True:
+            playing = self._status == "playing"
+            wait = max(0.0, due - time.perf_counter()) if playing else IDLE
+            try:
+                act = self._orders.get(timeout=wait) if wait > 0.0 else self._orders.get_nowait()
+            except queue.Empty:
+                if playing:
+                    begun = time.perf_counter()
+                    self._guarded(self._frame)
+                    due = max(due + 1.0 / self.stage.fps, begun)  # when behind, no frames are saved up
+                continue
+            if act is None:
+                self._guarded(self._stop_recording)
+                return
+            self._guarded(act)
+            if not playing:
+                due = time.perf_counter()
+                self._guarded(self._show)
+
+    def _guarded(self, act: Callable[[], Any]) -> None:
+        """Whatever goes wrong is told; the thread goes on."""
+        try:
+            act()
+        except WarpclothError as error:
+            self._fail(str(error))
+        except Exception as error:
+            self._fail(f"warpcloth has a defect ({type(error).__name__}: {error}).")
+
+    def _fail(self, error: str) -> None:
+        self._error = error
+        if self._broken():
+            self._status = "failed"
+        self._show()
+
+    def _broken(self) -> bool:
+        return not np.isfinite(self.stage.simulation.state.particle_q.numpy()).all()
+
+    def _set_status(self, status: str) -> None:
+        if self._status != "failed":
+            self._status, self._error = status, ""
+
+    def _frame(self) -> None:
+        if self._status == "failed":
+            return
+        begun = time.perf_counter()
+        self.stage.step()
+        spent = max(time.perf_counter() - begun, 1e-6)
+        pace = 1.0 / self.stage.fps / max(spent, 1.0 / self.stage.fps)
+        self._pace = pace if not self._pace else 0.9 * self._pace + 0.1 * pace
+        self._frames += 1
+        if self._frames % ENERGY_EVERY == 0:
+            self._energies.append({"time": self.stage.simulation.time, **self.stage.simulation.energy()})
+        if self._writer is not None:
+            self._write()
+        self._show()
+
+    def _reset(self) -> None:
+        stage = self.stage
+        stage.settings, stage.pinned, stage.unpinned = self.first, {}, {}
+        stage.build(keep=False)
+        self._status, self._error, self._message = "paused", "", "back to the start"
+        self._energies.clear()
+        self._pace = 0.0
+
+    def _change(self, values: dict[str, Any]) -> None:
+        before = self.stage.settings
+        try:
+            self.stage.settings = before.changed(**values)
+            if self.stage.settings != before:
+                self.stage.build(keep=self._status != "failed")
+                self._error = "" if self._status != "failed" else self._error
+        except WarpclothError:
+            self.stage.settings = before
+            raise
+
+    def _grab(self, who: Hashable, ray: tuple[Any, Any]) -> None:
+        self._release(who)
+        self.stage.hands[who] = self.stage.simulation.grab(ray)
+
+    def _release(self, who: Hashable) -> None:
+        grab = self.stage.hands.pop(who, None)
+        if grab is not None:
+            grab.release()
+
+    def _toggle_pin(self, ray: tuple[Any, Any]) -> None:
+        grab = self.stage.simulation.grab(ray)
+        grab.release()
+        particle = int(grab.hold.particles[int(np.argmax(grab.hold.weights))])
+        pinned = self.stage.toggle_pin(particle)
+        self._message = f"vertex {particle} is {'pinned' if pinned else 'free'}"
+
+    def _lead(self, name: str, hand: np.ndarray) -> None:
+        if name in self.stage.led and np.isfinite(hand).all():
+            self.stage.led[name].hand = hand
+
+    def _record(self, path: Path) -> None:
+        self._stop_recording()
+        self._writer, self._recorded, self._path = self.stage.built.writer(path), 0, path
+        self._write()
+        self._message = f"recording {path.name}"
+
+    def _write(self) -> None:
+        assert self._writer is not None
+        state, model = self.stage.simulation.state, self.stage.simulation.model
+        arrays = (state.particle_q.numpy(), state.particle_qd.numpy())
+        points, velocities = (by_cloth([self.stage.built], model, values)[0] for values in arrays)
+        self._writer.write(self._recorded, points, velocities)
+        self._recorded += 1
+
+    def _stop_recording(self) -> None:
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            written = writer.close()
+            self._message = f"recorded {self._recorded} frames to {written}"
+
+    def _show(self) -> None:
+        stage = self.stage
+        state, model = stage.simulation.state, stage.simulation.model
+        self._number += 1
+        with np.errstate(all="ignore"):  # what has diverged is shown, too
+            points = state.particle_q.numpy().astype(np.float32)
+            speeds = np.linalg.norm(state.particle_qd.numpy(), axis=1).astype(np.float32)
+        held = model.particle_inv_mass.numpy() == 0.0
+        names = list(self._energies[-1]) if self._energies else []
+        self.snapshot = Snapshot(
+            number=self._number,
+            time=stage.simulation.time,
+            status=self._status,
+            error=self._error,
+            points=by_cloth([stage.built], model, points)[0],
+            speeds=by_cloth([stage.built], model, speeds)[0],
+            obstacles={name: item.pose(stage.simulation.time) for name, item in stage.led.items()},
+            pace=self._pace,
+            energies={name: np.array([row.get(name, 0.0) for row in self._energies]) for name in names},
+            recording=self._path.name if self._writer is not None else "",
+            settings=stage.settings,
+            pinned=points[held],
+            message=self._message,
+        )

@@ -1,0 +1,194 @@
+"""A scene that can be changed in the middle of its simulation: rebuilt, and gone on with from where it was."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from ..cloth.pins import Pin
+from ..errors import InputError
+from ..grab import Grab
+from ..motion import Motion
+from ..obstacles import MeshObstacle, Obstacle
+from ..scenes import Scene
+from ..scenes.built import BuiltScene, make_model, make_simulation
+from ..simulation import Simulation
+from .settings import AS_IN_SCENE, Settings
+
+HAND_SPEED, HAND_TURN = 2.0, 4.0  # [m/s], [rad/s]: no faster do obstacles follow a hand
+NUDGE = 1e-9  # [m] between keys of a motion that must not count as still
+
+
+class LedObstacle:
+    """An obstacle that moves as its scene says, and besides to where a hand leads it.
+
+    Attributes:
+        original: as the scene has it. obstacle: a copy whose motion is where it is now.
+        hand: displacement [m] and rotation vector [rad] that it is led to, besides its own motion.
+        place: how far it has got.
+    """
+
+    def __init__(self, obstacle: Obstacle):
+        self.original = obstacle
+        self.obstacle = dataclasses.replace(obstacle, motion=_between(np.zeros(6), np.zeros(6), 0.0, 1.0))
+        self.hand = np.zeros(6)
+        self.place = np.zeros(6)
+
+    def keys(self, time: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement [m] and rotation vector [rad] at both ends of a frame, shape [6] each; moves on."""
+        step = np.clip(self.hand - self.place, *(sign * dt * np.repeat([HAND_SPEED, HAND_TURN], 3) for sign in (-1, 1)))
+        begin, self.place = self.place, self.place + step
+        keys = self._scene(time) + begin, self._scene(time + dt) + self.place
+        object.__setattr__(self.obstacle, "motion", _between(keys[1], keys[1], 0.0, 1.0))
+        return keys
+
+    def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Centre [m] and rotation vector [rad] at the end of the last frame, shape [3] each."""
+        at = self._scene(time) + self.place
+        return self.original.centre + at[:3], at[3:]
+
+    def start(self) -> None:
+        """Puts the copy where the scene begins, which is where a new simulation is checked."""
+        object.__setattr__(self.obstacle, "motion", _between(self._scene(0.0), self._scene(0.0), 0.0, 1.0))
+
+    def _scene(self, time: float) -> np.ndarray:
+        motion = self.original.motion
+        return np.zeros(6) if motion is None else np.concatenate(motion.keys_at(time))
+
+
+def _between(begin: np.ndarray, end: np.ndarray, start: float, stop: float) -> Motion:
+    ends = np.stack([begin, end])
+    ends[1, :3] += NUDGE
+    return Motion((start, stop), ends[:, :3], ends[:, 3:])
+
+
+class Stage:
+    """The scene with the settings in force.
+
+    Args:
+        scene: what is simulated. settings: in place of the scene's.
+
+    Attributes:
+        simulation: the present one. led: obstacles by name. pins: extra pins by cloth, sets of vertices; ``unpinned``
+            likewise.
+    """
+
+    def __init__(self, scene: Scene, settings: Settings):
+        self.scene, self.settings = scene, settings
+        self.fps = float(scene.fps)
+        self.pinned: dict[str, set[int]] = {}
+        self.unpinned: dict[str, set[int]] = {}
+        self.hands: dict[Any, Grab] = {}
+        self.led: dict[str, LedObstacle] = {}
+        self.build(keep=False)
+
+    def build(self, *, keep: bool) -> None:
+        """Builds the simulation anew; with ``keep`` it goes on from where the last one is.
+
+        Raises:
+            WarpclothError: the settings do not suit the scene; the simulation stays as it was.
+        """
+        built = BuiltScene.of(self._scene())
+        cloths = [self._with_pins(cloth) for cloth in built.cloths]
+        known = self.led if keep else {}
+        leading = {item.name: known.get(item.name) or LedObstacle(item) for item in built.obstacles if _leadable(item)}
+        for item in leading.values():
+            item.start()
+        obstacles = [leading[item.name].obstacle if item.name in leading else item for item in built.obstacles]
+        built = dataclasses.replace(built, cloths=cloths, obstacles=obstacles)
+        model = make_model([built])
+        _scale(model, self.settings)
+        simulation = make_simulation([built], model)
+        if keep:
+            self._carry(simulation)
+        self.simulation, self.built, self.led = simulation, built, leading
+        self.tracks = len(model.tracks.start) - 1 - len(leading)
+        self.hands = {who: simulation.grab_hold(g.hold, g.target) for who, g in self.hands.items()} if keep else {}
+
+    def step(self) -> None:
+        """One frame."""
+        self._lead(1.0 / self.fps)
+        self.simulation.step(1.0 / self.fps)
+
+    def toggle_pin(self, particle: int) -> bool:
+        """Pins a particle where it is, or lets go of a pinned one; returns whether it is pinned now."""
+        model = self.simulation.model
+        cloth = next(c for c in model.cloths if c.start <= particle < c.stop)
+        vertex, free = particle - cloth.start, model.particle_inv_mass.numpy()[particle] > 0.0
+        add, drop = (self.pinned, self.unpinned) if free else (self.unpinned, self.pinned)
+        add.setdefault(cloth.name, set()).add(vertex)
+        drop.setdefault(cloth.name, set()).discard(vertex)
+        self.build(keep=True)
+        return bool(free)
+
+    def _scene(self) -> Scene:
+        chosen = self.settings
+        data = self.scene.model_dump()
+        data["simulation"] |= {
+            "integrator": chosen.integrator,
+            "substeps": chosen.substeps or "auto",
+            "gravity": chosen.gravity,
+            "integrator_options": self.scene.simulation.integrator_options
+            if chosen.integrator == self.scene.simulation.integrator
+            else {},
+        }
+        data["air"]["wind"] = chosen.wind
+        if chosen.fabric != AS_IN_SCENE:
+            for table in data["cloth"]:
+                table["fabric"] = {"name": chosen.fabric, "color": table["fabric"]["color"]}
+        return Scene.model_validate(data).placed(self.scene.name, self.scene.folder)
+
+    def _with_pins(self, cloth: Any) -> Any:
+        """The cloth with the pins that people set and took away."""
+        more, less = (sets.get(cloth.name, set()) for sets in (self.pinned, self.unpinned))
+        if not more and not less:
+            return cloth
+        kept = []
+        for group in cloth.pins:
+            indices = np.array([i for i in group.indices if int(i) not in less], np.int32)
+            motion = group.motion
+            if motion is not None and motion.pivot is None:  # the middle of all that were pinned, as before
+                motion = dataclasses.replace(motion, pivot=cloth.points[group.indices].mean(axis=0))
+            kept += [Pin(indices, motion)] if len(indices) else []
+        fresh = sorted(more - {int(i) for group in kept for i in group.indices})
+        made = [Pin(np.array(fresh, np.int32))] if fresh else []
+        return dataclasses.replace(cloth, pins=(*kept, *made))
+
+    def _carry(self, simulation: Simulation) -> None:
+        old = self.simulation
+        if old.model.particle_count != simulation.model.particle_count:
+            raise InputError("The change would alter the mesh of the cloth; reset instead.")
+        simulation.state.particle_q.assign(old.state.particle_q.numpy())
+        free = simulation.model.particle_inv_mass.numpy()[:, None] > 0.0
+        simulation.state.particle_qd.assign(np.where(free, old.state.particle_qd.numpy(), 0.0))
+        simulation.state.world_time.assign(old.state.world_time.numpy())
+        simulation.time = old.time
+
+    def _lead(self, dt: float) -> None:
+        """Writes the obstacles' ways for the next frame where captured frames find them."""
+        if not self.led:
+            return
+        time, tracks = self.simulation.time, self.simulation.model.tracks
+        first = int(tracks.start.numpy()[self.tracks])
+        times, positions, rotations = (a.numpy().copy() for a in (tracks.times, tracks.positions, tracks.rotations))
+        for number, item in enumerate(self.led.values()):
+            row = slice(first + 2 * number, first + 2 * number + 2)
+            ends = np.stack(item.keys(time, dt))
+            times[row], positions[row], rotations[row] = (time, time + dt), ends[:, :3], ends[:, 3:]
+        tracks.times.assign(times)
+        tracks.positions.assign(positions)
+        tracks.rotations.assign(rotations)
+
+
+def _leadable(obstacle: Obstacle) -> bool:
+    return not (isinstance(obstacle, MeshObstacle) and obstacle.sample_times is not None)
+
+
+def _scale(model: Any, settings: Settings) -> None:
+    """Applies the factors."""
+    for array, factor in (
+        (model.spring_stiffness, settings.stiffness),
+        (model.spring_damping, settings.stiffness * settings.damping),
+        (model.particle_friction, settings.friction**2),  # a pair has the geometric mean
+    ):
+        array.assign(factor * array.numpy())
