@@ -96,7 +96,8 @@ class Session:
 
     def single_step(self) -> None:
         """Pauses, one frame later."""
-        self._order(lambda: (self._set_status("paused"), self._frame()))
+        self.pause()
+        self._order(self._frame)
 
     def reset(self) -> None:
         """Back to the start and to the scene's own settings, whatever has happened."""
