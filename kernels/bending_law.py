@@ -8,7 +8,8 @@ c = t₁ × t₂. With stiffness k [N m³], rest curvature κ₀ and damping tim
 Without rest curvature E is quadratic in the positions (Bergou et al., A Quadratic Bending Model for Inextensible
 Surfaces, 2006); with it the sign of curvature matters, as in the cubic shells of Garg et al. (2007), but E stays a
 square and is zero, without any force, in the rest shape and wherever that is moved as a whole. The damping is that of
-the length of d, so none of it is left in a rigid motion; δ only keeps it smooth where cloth is flat.
+the length of d, so none of it is left in a rigid motion; δ keeps it smooth where cloth is flat, so that curvatures
+below about 1/m are damped less.
 
 Hysteresis is friction in curvature (Grosberg's model of fabric: Textile Research Journal 36, 1966), a spring of
 stiffness k_f in series with a slip at the moment m_f. With the slip p [1/m] at the start of a step,
@@ -25,7 +26,7 @@ import warp as wp
 
 from .precision import real, vec3
 
-FLAT_CURVATURE = wp.constant(0.01)  # δ [1/m]
+FLAT_CURVATURE = wp.constant(1.0)  # δ [1/m]
 
 
 @wp.func

@@ -84,13 +84,17 @@ def swinging_cloth() -> Problem:
     motion = wc.Motion.keyframes(
         [(-0.5, (0, 0, 0)), (1.0, (0.2, 0.15, 0.25), (0, 0.5, 1.0))], interpolation="smooth", pivot=(0.1, 0.1, 0.0)
     )
-    fabric = wc.Fabric(stretch_stiffness=20.0, shear_stiffness=5.0, bend_stiffness=1.0, damping_time=5e-3)
+    fabric = wc.Fabric(
+        stretch_stiffness=20.0, shear_stiffness=5.0, bending_rigidity=1e-3, bend_stiffness=1.0, damping_time=5e-3
+    )
     cloth = wc.Cloth.grid(
         (0.3, 0.3), (4, 4), fabric, pins=["top_left", pin("top_right", motion)], velocity=(0.2, 1.0, 0.0)
     )
     end, gravity = 0.1, np.array([0.0, 0.0, -9.81])
     springs = cloth.springs
-    net = Network(cloth.points, springs.indices, springs.rest_lengths, springs.stiffness, springs.damping, cloth.masses)
+    bending = BendingReference.of(cloth)
+    columns = (springs.indices, springs.rest_lengths, springs.stiffness, springs.damping)
+    net = Network(cloth.points, *columns, cloth.masses, bending)
     pinned = [12, 15]
 
     def path(t: float) -> np.ndarray:
@@ -107,6 +111,27 @@ def swinging_cloth() -> Problem:
 
 
 @dataclass(frozen=True)
+class BendingReference:
+    """The bending law of cloth that is flat at rest once more, as full matrices: a row of ``rows`` for each element."""
+
+    rows: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+    @staticmethod
+    def of(cloth: wc.Cloth) -> "BendingReference":
+        elements = cloth.bending
+        rows = np.zeros((len(elements), len(cloth.points)))
+        rows[elements.element, elements.particles] = elements.weights[:, 0]
+        return BendingReference(rows, elements.stiffness, cloth.fabric.damping_time * elements.stiffness)
+
+    def force(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        d, u = self.rows @ x, self.rows @ v
+        damped = (self.damping * np.sum(u * d, axis=1) / (np.sum(d * d, axis=1) + 1.0))[:, None] * d
+        return -self.rows.T @ (self.stiffness[:, None] * d + damped)
+
+
+@dataclass(frozen=True)
 class Network:
     """The spring law once more in numpy, and scipy's solver for it: a reference that shares no code with us."""
 
@@ -116,6 +141,7 @@ class Network:
     k_s: np.ndarray
     k_d: np.ndarray
     masses: np.ndarray
+    bending: "BendingReference | None" = None
 
     def acceleration(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Of the springs [m/s²]."""
@@ -127,6 +153,8 @@ class Network:
         total = np.zeros_like(x)
         np.add.at(total, p, f)
         np.add.at(total, q, -f)
+        if self.bending is not None:
+            total += self.bending.force(x, v)
         return total / self.masses[:, None]
 
     def solve(self, gravity, end, pinned, path, velocities=None) -> np.ndarray:

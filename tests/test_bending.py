@@ -14,7 +14,9 @@ from warpcloth.cloth.bending_mesh import mesh_bending
 from warpcloth.cloth.bending_sheet import BendingSheet
 from warpcloth.errors import InputError
 from warpcloth.forces import ASSEMBLIES, Bending, Forces
+from warpcloth.integrators import INTEGRATORS
 from warpcloth.meshes.trianglemesh import TriangleMesh
+from warpcloth.stability import fastest_rates, largest_stable_step
 from warpcloth.state import State
 
 B, HYSTERESIS, TAU = 1e-3, 4e-3, 2e-3
@@ -261,3 +263,17 @@ def test_bad_elements_are_refused():
     large, small = wc.Cloth.grid((1, 1), (3, 3), STIFF), wc.Cloth.grid((1, 1), (2, 2), STIFF)
     with pytest.raises(InputError, match="bending refers to vertex 8 of 4"):
         dataclasses.replace(small, bending=large.bending)
+
+
+def test_the_stable_step_of_bending_is_the_known_one():
+    """(a²/4) √(σ/B) on a square grid; schemes that solve for springs only keep to it, too."""
+    fabric = wc.Fabric(areal_density=0.2, bending_rigidity=B, bend_stiffness=0.0, damping_time=0.0)
+    a = 0.01
+    model = wc.Model.build(wc.Cloth.grid((24 * a, 24 * a), (25, 25), fabric))
+    omega, gamma = fastest_rates(model, springs=False)
+    known = 0.25 * a * a * np.sqrt(0.2 / B)
+    assert gamma == 0.0
+    assert 2.0 / omega == pytest.approx(known, rel=0.05)
+    for name in ("xpbd", "vbd"):
+        assert largest_stable_step(model, INTEGRATORS[name](model)) == pytest.approx(0.7 * 2.0 / omega, rel=1e-6)
+    assert np.isinf(largest_stable_step(model, INTEGRATORS["implicit_euler"](model)))
