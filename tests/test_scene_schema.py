@@ -268,3 +268,19 @@ def test_scenes_are_immutable_and_have_a_json_schema():
     schema = Scene.model_json_schema()
     assert schema["properties"]["frames"]["type"] == "integer"
     assert set(FabricTable.model_fields) == set(schema["$defs"]["FabricTable"]["properties"])
+
+
+@pytest.mark.parametrize("outline", ["[[1, 0], [2, 0], [2, 1], [1, 1]]", "[[1, 1], [2, 1], [2, 0], [1, 0]]"])
+def test_a_lathe_turns_its_outline_about_the_axis(outline):
+    scene = scene_from_toml(GRID + f'[[obstacle]]\nshape = "lathe"\noutline = {outline}\nposition = [0, 0, 3]\n')
+    ring = scene.build()[1][0]
+    corners = ring.points[ring.triangles]
+    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6.0
+    # A prism of 48 sides between radii 1 and 2, whichever way around the outline goes.
+    assert volume == pytest.approx(0.5 * 48 * np.sin(2 * np.pi / 48) * (2.0**2 - 1.0**2), rel=1e-6)
+    assert (ring.points[:, 2].min(), ring.points[:, 2].max()) == pytest.approx((3.0, 4.0))
+
+
+def test_a_lathe_takes_an_outline_on_one_side_of_its_axis():
+    with pytest.raises(errors.SceneError, match="one side of the axis"):
+        scene_from_toml(GRID + '[[obstacle]]\nshape = "lathe"\noutline = [[0, 0], [-1, 0], [0, 1]]\n')

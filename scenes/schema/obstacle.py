@@ -4,6 +4,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import trimesh
+from pydantic import field_validator
 
 from warpcloth import obstacles
 from warpcloth.transforms import placement
@@ -11,7 +13,20 @@ from warpcloth.transforms import placement
 from .files import MeshPath, PrimPath, mesh_source
 from .motion import MotionTable
 from .table import Table, field
-from .values import FRACTION, Color, Name, Number, Point, Turn, Vector, at_least_zero, positive
+from .values import (
+    ANY_LENGTH,
+    FRACTION,
+    Color,
+    Name,
+    Number,
+    Point,
+    Rows,
+    Turn,
+    Vector,
+    at_least_zero,
+    positive,
+    refuse,
+)
 
 
 class ObstacleTable(Table):
@@ -109,4 +124,34 @@ class MeshObstacleTable(ObstacleTable):
         return obstacles.MeshObstacle.from_mesh(source, prim=self.prim, transform=transform, **common)
 
 
-OBSTACLES = (PlaneTable, SphereTable, CapsuleTable, BoxTable, MeshObstacleTable)
+class LatheTable(ObstacleTable):
+    """What a lathe makes: an outline turned about the z axis, such as a funnel, a bowl, a cylinder or a ring."""
+
+    shape: Literal["lathe"] = field(..., '`"lathe"`')
+    outline: Annotated[tuple[tuple[float, float], ...], Rows(Vector("radius height", ANY_LENGTH), 3, 10_000)] = field(
+        ...,
+        "Corners of half the solid's section, in order around it, each by its distance from the axis and its height; "
+        "the last is joined to the first. It must not cross itself.",
+    )
+    segments: Annotated[int, Number("", 3, 10_000, whole=True)] = field(48, "Faces around the axis.")
+    position: Point = field((0.0, 0.0, 0.0), "Where the outline's origin goes.")
+    rotation: Turn = field((0.0, 0.0, 0.0), "Rotation vector (axis times angle) about the outline's origin.")
+
+    @field_validator("outline")
+    @classmethod
+    def _on_one_side(cls, outline: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        for index, (radius, _) in enumerate(outline):
+            if radius < 0.0:
+                raise refuse(f"must be on one side of the axis, but its item {index} has a radius below 0")
+        return outline
+
+    def shaped(self, folder: Path, common: dict[str, Any]) -> obstacles.MeshObstacle:
+        outline = np.array([*self.outline, self.outline[0]])
+        mesh = trimesh.creation.revolve(outline, sections=self.segments)
+        if mesh.volume < 0.0:
+            mesh.invert()
+        transform = placement(self.position, np.radians(self.rotation))
+        return obstacles.MeshObstacle.from_mesh(mesh, transform=transform, **common)
+
+
+OBSTACLES = (PlaneTable, SphereTable, CapsuleTable, BoxTable, LatheTable, MeshObstacleTable)

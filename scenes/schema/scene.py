@@ -18,13 +18,15 @@ from .air import AirTable
 from .cloth import DiscTable, GridTable, MeshClothTable
 from .messages import explain
 from .network import Network, NetworkTable
-from .obstacle import BoxTable, CapsuleTable, MeshObstacleTable, PlaneTable, SphereTable
+from .obstacle import BoxTable, CapsuleTable, LatheTable, MeshObstacleTable, PlaneTable, SphereTable
 from .simulation import SimulationTable
 from .table import Table, field
 from .values import MOST_FRAMES, MOST_VERTICES, Number, Text, refuse
 
 AnyCloth = Annotated[GridTable | DiscTable | MeshClothTable, Discriminator("shape")]
-AnyObstacle = Annotated[PlaneTable | SphereTable | CapsuleTable | BoxTable | MeshObstacleTable, Discriminator("shape")]
+AnyObstacle = Annotated[
+    PlaneTable | SphereTable | CapsuleTable | BoxTable | LatheTable | MeshObstacleTable, Discriminator("shape")
+]
 
 
 class Scene(Table):

@@ -1,35 +1,55 @@
-"""``warpcloth bench``: measurements that compare schemes."""
+"""``warpcloth bench``: measurements that compare schemes, and contact under stress."""
 
-import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from .. import validate
 from ..errors import InputError
-from .report import Report, to_json
-from .terminal import messages, start_warp
+from .bench_contact import bench_contact
+from .bench_integrators import bench_integrators
+from .report import Report
 
-BENCHMARKS = ("integrators",)
+BENCHMARKS = ("integrators", "contact")
+# Options that only one of the benchmarks has.
+ONLY = {
+    "integrators": ("problems", "quick", "no_plots"),
+    "contact": ("count", "seed", "resolution", "resume"),
+}
 
-What = Annotated[str, typer.Argument(metavar="WHAT", help="What to measure: integrators.")]
+What = Annotated[str, typer.Argument(metavar="WHAT", help="What to measure: integrators or contact.")]
 Schemes = Annotated[
-    str | None, typer.Option("--integrators", metavar="A,B,…", help="Only these (see `integrators`).  [default: all]")
+    str | None,
+    typer.Option(
+        "--integrators",
+        metavar="A,B,…",
+        help="Only these (see `integrators`).  [default: all; contact: those of the scenes]",
+    ),
 ]
 Problems = Annotated[
     str | None, typer.Option("--problems", metavar="A,B,…", help="Only these test problems.  [default: all]")
 ]
-SceneOption = Annotated[str | None, typer.Option("--scene", help="Measure on this scene instead of the test problems.")]
+SceneOption = Annotated[
+    str | None,
+    typer.Option("--scene", help="Measure on this scene instead of the test problems; contact: on these, A,B,…"),
+]
 Frames = Annotated[str | None, typer.Option(metavar="N", help="Frames of the scene.  [default: all]")]
 Quick = Annotated[bool, typer.Option("--quick", help="Half a minute instead of minutes: fewer, coarser runs.")]
-Budget = Annotated[
-    float | None, typer.Option(metavar="SECONDS", help="Time for the runs of one scheme on one problem.")
+Count = Annotated[str | None, typer.Option(metavar="N", help="contact: how many random scenes.  [default: 20]")]
+Seed = Annotated[str | None, typer.Option(metavar="N", help="contact: seed of the first random scene.  [default: 0]")]
+Resolution = Annotated[
+    str | None, typer.Option(metavar="N", help="contact: N² vertices in each cloth.  [default: the scene's]")
 ]
-Output = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for results.json and the plots.")]
+Resume = Annotated[bool, typer.Option("--resume", help="contact: leave out what DIR/results.json has already.")]
+Budget = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", help="Time for the runs of one scheme on one problem; contact: for one scene."),
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="DIR", help="Folder for results.json and the plots.  [default: bench_WHAT]"),
+]
 NoPlots = Annotated[bool, typer.Option("--no-plots", help="Write no plots, so that matplotlib is not needed.")]
 
 
@@ -40,79 +60,34 @@ def command(
     scene: SceneOption = None,
     frames: Frames = None,
     quick: Quick = False,
+    count: Count = None,
+    seed: Seed = None,
+    resolution: Resolution = None,
+    resume: Resume = False,
     budget: Budget = None,
-    output: Output = Path("bench_integrators"),
+    output: Output = None,
     no_plots: NoPlots = False,
 ) -> Report:
-    """Compare the integrators: accuracy against cost, energy drift, largest stable steps."""
-    from ..benchmarks.integrators import measurements, run_suite
-    from ..benchmarks.integrators.plots import write_plots
-    from ..benchmarks.integrators.style import pyplot
-    from ..benchmarks.integrators.tables import tables
-
+    """Compare the integrators: accuracy, cost, energy, stability. Or put contact under stress, every frame checked."""
+    given: dict[str, Any] = {
+        "problems": problems, "quick": quick, "no_plots": no_plots,
+        "count": count, "seed": seed, "resolution": resolution, "resume": resume,
+    }  # fmt: skip
     validate.choice(what, BENCHMARKS, "what to measure")
-    if not no_plots:
-        pyplot()
-    start_warp()
-    selection = _selection(schemes, problems, scene, frames, quick, budget)
-    folder = output_folder(output)
-    with _progress(measurements(selection)) as report:
-        results = run_suite(selection, report)
-    path = folder / "results.json"
-    path.write_text(to_json(results) + "\n", encoding="utf-8")
-    plots = [] if no_plots else write_plots(results, folder)
-    files = [path, *plots]
-    messages().print(f"Wrote {', '.join(str(file) for file in files)}", markup=False)
-    return Report({**results, "files": files}, tables(results))
+    _check_options(what, given)
+    folder = Path(f"bench_{what}") if output is None else output
+    if what == "contact":
+        return bench_contact(schemes, scene, frames, count, seed, resolution, budget, resume, folder)
+    return bench_integrators(schemes, problems, scene, frames, quick, budget, folder, no_plots)
 
 
-def _selection(
-    schemes: str | None, problems: str | None, scene: str | None, frames: str | None, quick: bool, budget: float | None
-) -> Any:
-    from dataclasses import replace
-
-    from ..benchmarks.integrators import QUICK, Effort, select, select_scene
-
-    effort = QUICK if quick else Effort()
-    if budget is not None:
-        effort = replace(effort, sweep=validate.number(budget, "budget", above=0.0, maximum=1e6))
-    if scene is None:
-        if frames is not None:
-            raise InputError("--frames says how much of a --scene to run; the test problems have their own durations.")
-        return select(_names(schemes), _names(problems), effort)
-    if problems is not None:
-        raise InputError("Give either --problems or --scene, not both.")
-    return select_scene(scene, _names(schemes), effort, _whole(frames))
-
-
-def _names(text: str | None) -> list[str] | None:
-    """The names in a list with commas."""
-    return None if text is None else [name.strip() for name in text.split(",") if name.strip()] or [text]
-
-
-def _whole(text: str | None) -> Any:
-    """The whole number where the text is one; what it must be is said elsewhere."""
-    return int(text) if text is not None and re.fullmatch("-?[0-9]{1,30}", text) else text
-
-
-def output_folder(output: Path) -> Path:
-    """The folder, made if need be.
+def _check_options(what: str, given: dict[str, Any]) -> None:
+    """Refuses options that the benchmark does not have.
 
     Raises:
-        InputError: it cannot be made.
+        InputError: one of them is given.
     """
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"The folder {output} cannot be made: {error.strerror}.") from error
-    return output
-
-
-@contextmanager
-def _progress(count: int) -> Iterator[Callable[[str], None]]:
-    """A bar on stderr; yields what to call before each of ``count`` measurements."""
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    console = messages()
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("preparing", total=count, completed=-1)
-        yield lambda text: progress.update(task, description=text, advance=1)
+    for other, options in ONLY.items():
+        for name in options:
+            if other != what and given[name] not in (None, False):
+                raise InputError(f"--{name.replace('_', '-')} is an option of `bench {other}`, not of `bench {what}`.")

@@ -11,7 +11,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from .. import validate
-from .bench import output_folder
+from .bench_options import output_folder
 from .report import Report, to_json
 from .terminal import messages, start_warp
 

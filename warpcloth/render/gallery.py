@@ -23,7 +23,11 @@ class View:
     camera: str = "auto"
 
 
-VIEWS = {"moving_sphere": View(0.36, "-35,12"), "pendulum": View(0.6, "-75,14"), "hanging": View(1.0, "-68,14")}
+VIEWS = {
+    "sphere_through_curtain": View(0.36, "-35,12"),
+    "pendulum": View(0.6, "-75,14"),
+    "hanging": View(1.0, "-68,14"),
+}
 
 
 def make_pictures(folder: Path, names: Sequence[str]) -> None:
