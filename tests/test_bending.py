@@ -277,3 +277,29 @@ def test_the_stable_step_of_bending_is_the_known_one():
     for name in ("xpbd", "vbd"):
         assert largest_stable_step(model, INTEGRATORS[name](model)) == pytest.approx(0.7 * 2.0 / omega, rel=1e-6)
     assert np.isinf(largest_stable_step(model, INTEGRATORS["implicit_euler"](model)))
+
+
+@pytest.mark.parametrize("dt", [0.005, 0.05])
+def test_a_fold_springs_back_to_where_friction_holds_it_and_stays(dt):
+    """Let go at 60/m a strip opens to κ = HB/B, where friction balances bending, and creeps no further."""
+    fabric = wc.Fabric(
+        stretch_stiffness=20.0, shear_stiffness=5.0, bending_rigidity=1e-4, bending_hysteresis=6e-3, bend_stiffness=0.0
+    )
+    cloth = wc.Cloth.grid((0.04, 0.01), (17, 5), fabric)
+    model, options = wc.Model.build(cloth, precision="float64"), {"tolerance": 1e-4}
+    sim = wc.Simulation(model, "implicit_euler", (0, 0, 0), 1, integrator_options=options)
+    curvature = 60.0
+    angle = curvature * cloth.points[:, 0]
+    sim.state.particle_q.assign(
+        np.column_stack([np.sin(angle) / curvature, cloth.points[:, 1], np.cos(angle) / curvature])
+    )
+    sim.forces.advance(sim.state)
+    found = []
+    for _ in range(2):
+        for _ in range(int(1.0 / dt)):
+            sim.step(dt)
+        x = sim.state.particle_q.numpy().reshape(5, 17, 3)
+        second = x[:, 2:] - 2.0 * x[:, 1:-1] + x[:, :-2]
+        found.append(np.linalg.norm(second, axis=2).mean() / 0.0025**2)
+    assert 0.9 * 30.0 < found[0] < 1.01 * 30.0  # short steps let it swing a little too far
+    assert found[1] == pytest.approx(found[0], rel=1e-4)
