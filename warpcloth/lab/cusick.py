@@ -135,7 +135,8 @@ def _panels(drapes: list[Drape]) -> list[Panel]:
     ]
     x, y = drapes[0].shadow.outline()
     shadow = Curve("shadow", 100.0 * x, 100.0 * y, AREA)
-    outlines = [Curve("", 100.0 * x, 100.0 * y) for x, y in (drape.shadow.outline() for drape in drapes)]
+    found = [drape.shadow.outline() for drape in drapes]
+    outlines = [Curve(f"start {k}", 100.0 * x, 100.0 * y) for k, (x, y) in enumerate(found, 1)]
     return [
         Panel("x [cm]", "y [cm]", [*circles, shadow], equal=True),
         Panel("x [cm]", "y [cm]", [*circles, *outlines], equal=True),
