@@ -46,8 +46,17 @@ def field_tables() -> str:
 def scene_table() -> str:
     """The bundled scenes as Markdown."""
     scenes = [load_scene(name) for name in bundled_scenes()]
-    rows = [f"| `{scene.name}` | {scene.frames} | {scene.title}. {scene.description} |" for scene in scenes]
-    return "\n".join(["| scene | frames | what it shows |", "|---|---|---|", *rows])
+    rows = [
+        f"| {_picture(scene.name)} | `{scene.name}` | {scene.frames} | {scene.title}. {scene.description} |"
+        for scene in scenes
+    ]
+    return "\n".join(["| | scene | frames | what it shows |", "|---|---|---|---|", *rows])
+
+
+def _picture(name: str) -> str:
+    """An image of a scene, where there is one."""
+    there = (Path(__file__).parent / "pictures" / f"{name}.jpg").is_file()
+    return f'<img src="pictures/{name}.jpg" width="240" alt="{name}">' if there else ""
 
 
 def refreshed(text: str) -> str:

@@ -10,11 +10,12 @@ import warp as wp
 from . import diagnostics, stability, validate
 from .air import Air
 from .contact import CONTACTS, ContactStage
-from .errors import ContactWarning, ConvergenceWarning, InputError, StabilityWarning
-from .forces import AirDrag, Bending, Forces, ForceTerm, Grabs, Pressure, Springs, StrainLimit
+from .errors import ContactWarning, ConvergenceWarning, StabilityWarning
+from .force_terms import force_terms
+from .forces import Forces, Grabs
 from .forces.grabs import Hold
 from .grab import Grab, GrabTape, make_hold
-from .integrators import Integrator, make_integrator
+from .integrators import make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
 from .model import Model
@@ -342,25 +343,3 @@ class Simulation:
         shape = (count, 3) if np.ndim(gravity) == 2 else (3,)
         values = validate.array(gravity, "gravity", shape)
         return self.model.array(np.broadcast_to(values, (count, 3)), self.model.vec3)
-
-
-def force_terms(
-    model: Model, integrator: Integrator, assembly: str, air: Air | Sequence[Air] | None
-) -> list[ForceTerm]:
-    """All forces but gravity that act on a model; arguments as for :class:`Simulation`."""
-    airs = [] if air is None else list(air) if isinstance(air, Sequence) else [air] * model.world_count
-    for item in airs:
-        if not isinstance(item, Air):
-            raise InputError(f"Air must be an Air, one for each world, or None, got {type(item).__name__}.")
-    if airs and len(airs) != model.world_count:
-        raise InputError(f"Air must be given once or for each of the {model.world_count} worlds, got {len(airs)}.")
-    terms: list[ForceTerm] = [Springs(model, assembly)]
-    if model.bend_count > 0:
-        terms.append(Bending(model, assembly))
-    if any(item.density > 0.0 for item in airs) and model.tri_count > 0:
-        terms.append(AirDrag(model, airs))
-    if model.bag_count > 0:
-        terms.append(Pressure(model))
-    if model.limits_strain and not integrator.solves_springs_only:
-        terms.append(StrainLimit(model))
-    return terms

@@ -24,6 +24,7 @@ class View:
 
 
 VIEWS = {
+    "flag": View(0.25),
     "sphere_through_curtain": View(0.36, "-35,12"),
     "pendulum": View(0.6, "-75,14"),
     "hanging": View(1.0, "-68,14"),

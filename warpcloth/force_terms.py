@@ -1,0 +1,31 @@
+"""Which forces act in a simulation, by what its model has."""
+
+from collections.abc import Sequence
+
+from .air import Air
+from .errors import InputError
+from .forces import AirDrag, Bending, ForceTerm, Pressure, Springs, StrainLimit
+from .integrators import Integrator
+from .model import Model
+
+
+def force_terms(
+    model: Model, integrator: Integrator, assembly: str, air: Air | Sequence[Air] | None
+) -> list[ForceTerm]:
+    """All forces but gravity that act on a model; arguments as for :class:`warpcloth.Simulation`."""
+    airs = [] if air is None else list(air) if isinstance(air, Sequence) else [air] * model.world_count
+    for item in airs:
+        if not isinstance(item, Air):
+            raise InputError(f"Air must be an Air, one for each world, or None, got {type(item).__name__}.")
+    if airs and len(airs) != model.world_count:
+        raise InputError(f"Air must be given once or for each of the {model.world_count} worlds, got {len(airs)}.")
+    terms: list[ForceTerm] = [Springs(model, assembly)]
+    if model.bend_count > 0:
+        terms.append(Bending(model, assembly))
+    if any(item.density > 0.0 for item in airs) and model.tri_count > 0:
+        terms.append(AirDrag(model, airs))
+    if model.bag_count > 0:
+        terms.append(Pressure(model))
+    if model.limits_strain and not integrator.solves_springs_only:
+        terms.append(StrainLimit(model))
+    return terms
