@@ -3,6 +3,8 @@
 import csv
 import json
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -266,10 +268,20 @@ def test_a_preview_is_a_picture_of_the_last_frame(tmp_path, monkeypatch):
         assert cache.exists()
         output.write_bytes(b"picture")
 
-    monkeypatch.setattr(recorder, "render", draw)
+    monkeypatch.setattr(recorder.pictures, "render", draw, raising=False)
     sweep = SWEEP.replace("count = 6", "count = 1").replace('["pose", "frames", "strain"]', '["frames", "preview"]')
     folder, _ = simulated(written(tmp_path, sweep), tmp_path / "batch", worlds=1)
     assert seen == [("cache.usdc", "preview.png", -1)]
     assert set(folder.metrics(0)["files"]) == {"cache.usdc", "preview.png", "scene.toml"}
     with pytest.raises(SceneError, match="must have 'pose' or 'frames'"):
         load_sweep(tmp_path / "sweep.toml", ["outputs=['preview']"])
+
+
+def test_batches_need_no_library_of_pictures():
+    code = """
+import sys
+for name in ("PIL", "pyvista", "matplotlib", "ray", "scipy", "pyarrow"):
+    sys.modules[name] = None  # as if it were not installed
+import warpcloth.batch.run
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)

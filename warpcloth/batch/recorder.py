@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from .. import render as pictures
 from ..errors import SimulationError
-from ..render import render
 from ..scenes import CacheWriter, Scene, check_cache
 from .extra import needed
 from .prepared import Prepared
@@ -78,7 +78,7 @@ class Recorder:
             self._check()
         if "preview" in outputs:
             cache = self.folder / (POSE if "pose" in outputs else CACHE)
-            render(cache, self.folder / PREVIEW, frame=-1, size=PREVIEW_SIZE)
+            pictures.render(cache, self.folder / PREVIEW, frame=-1, size=PREVIEW_SIZE)
         write_scene(self.folder, self.prepared.scene.changed({"frames": number}))
         write_metrics(self.folder, self.prepared.sample, {"status": "done", "metrics": dict(metrics)})
 
