@@ -193,14 +193,14 @@ def test_overrides_by_number_and_by_name():
             "cloth.silk.size=[2, 3]",
             "obstacle.left_stand.motion.keys=[{time=0}]",
             "simulation.precision=float64",
-            "cloth.1.fabric.color.0 = 0.125",
+            "cloth.1.resolution.0 = 9",
         ],
     )
     assert scene.cloth[0].fabric.areal_density == 0.25
     assert scene.cloth[1].size == (2.0, 3.0)
     assert scene.obstacle[0].motion.keys[0].time == 0.0
     assert scene.simulation.precision == "float64"
-    assert scene.cloth[1].fabric.color[0] == 0.125
+    assert scene.cloth[1].resolution == (9, 45)
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_overrides_by_number_and_by_name():
     [
         ("frames", "'frames' is not of the form path=value"),
         ("cloth.3.size=[1, 1]", "'cloth' is a list of 2, counted from 0, so it has no 3"),
-        ("cloth.canvs.size=[1, 1]", "'cloth' is a list and has no item 'canvs'; did you mean 'canvas'?"),
+        ("cloth.denm.size=[1, 1]", "'cloth' is a list and has no item 'denm'; did you mean 'denim'?"),
         ("frames.x=1", "'frames' is a single value and has no 'x' in it"),
         ("frames=1\nfps=2", "the value '1\\nfps=2' of 'frames' is not TOML"),
         ("cloth.silk.sise=[1, 1]", "the key 'cloth.1.sise' is unknown; did you mean 'size'?"),

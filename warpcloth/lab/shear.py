@@ -12,7 +12,7 @@ from .result import POINTS, Check, Curve, Panel, Result
 from .settle import damping_time
 from .setup import Progress, Setup
 from .specimen import rectangle
-from .strained import strained
+from .strained import Deformation, strained
 
 NAME = "shear"
 TITLE = "Shear test in a picture frame"
@@ -57,9 +57,18 @@ def sheared(setup: Setup, angle: float) -> tuple[float, bool]:
     border = np.flatnonzero(np.abs(cloth.points[:, :2]).max(axis=1) > half * (1.0 - 1e-6))
     energies, settled = [], True
     for share in (1.0 - SMALL, 1.0 + SMALL):
-        a = 0.5 * np.deg2rad(angle) * share
-        turn = np.array([[np.cos(a), np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
-        held = strained(cloth, border, lambda points, turn=turn: points @ turn, setup, SIDE)
+        held = strained(cloth, border, _rhombus(np.deg2rad(angle) * share), setup, SIDE)
         energies.append(held.energy)
         settled = settled and held.settled
     return float((energies[1] - energies[0]) / (2.0 * SMALL * np.deg2rad(angle) * SIDE * SIDE)), settled
+
+
+def _rhombus(angle: float) -> Deformation:
+    """A frame whose right angles have become smaller or larger by ``angle`` [rad]."""
+    c, s = np.cos(0.5 * angle), np.sin(0.5 * angle)
+    matrix = np.array([[c, s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def deformed(points: np.ndarray) -> np.ndarray:
+        return np.asarray(points @ matrix)
+
+    return deformed
