@@ -70,12 +70,14 @@ def make_model(scenes: Sequence[BuiltScene]) -> Model:
     return Model.from_springs(net.points, net.masses, *laws, net.pinned, **placed)
 
 
-def make_simulation(scenes: Sequence[BuiltScene], model: Model, **options: bool) -> Simulation:
+def make_simulation(
+    scenes: Sequence[BuiltScene], model: Model, *, profile: bool = False, untangled: bool = False
+) -> Simulation:
     """The simulation of :func:`make_model`'s model; but for gravity and air the scenes have the same options.
 
     Args:
         scenes: what the model was made of. model: the model.
-        options: ``profile`` and ``untangled``, see :class:`warpcloth.Simulation`.
+        profile, untangled: see :class:`warpcloth.Simulation`.
 
     Raises:
         InputError: an option that the integrator does not take.
@@ -90,7 +92,8 @@ def make_simulation(scenes: Sequence[BuiltScene], model: Model, **options: bool)
         substeps=table.substeps,
         contact=table.contact,
         air=[built.scene.air.build(built.scene.seed) for built in scenes],
-        **options,
+        profile=profile,
+        untangled=untangled,
     )
 
 

@@ -58,7 +58,7 @@ def command(
     if render:
         _check_renderer()
     start_warp()
-    options = {"integrator": integrator, "device": device, "precision": precision, "check": check}
+    options: dict[str, Any] = {"integrator": integrator, "device": device, "precision": precision, "check": check}
     options |= {"profile": profile, "untangle": untangle}
     with progress_bar(loaded.name) as on_frame:
         result = simulate(
