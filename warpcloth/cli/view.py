@@ -29,7 +29,7 @@ def command(
     port: Port = 8080,
     public: Public = False,
     changes: Changes = None,
-    fps: Fps = 30.0,
+    fps: Fps = 60.0,
 ) -> Report:
     """Show SCENE on a web page, where its cloth moves and can be taken with the mouse. Ctrl-C ends it."""
     check_host(host, public)
