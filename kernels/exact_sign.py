@@ -42,32 +42,6 @@ def two_product(a: wp.float64, b: wp.float64):
     return wp.vec2d(p, (((u * v - p) + u * y) + x * v) + x * y)
 
 
-@wp.struct
-class Total:
-    """An exact sum: ``parts[0:count]``, in order of magnitude, none zero."""
-
-    parts: Expansion
-    count: int
-
-
-@wp.func
-def added(total: Total, b: wp.float64):
-    """The sum with b added."""
-    q = b
-    kept = int(0)
-    for i in range(total.count):
-        s = two_sum(q, total.parts[i])
-        q = s[0]
-        if s[1] != wp.float64(0.0):
-            total.parts[kept] = s[1]
-            kept += 1
-    if q != wp.float64(0.0):
-        total.parts[kept] = q
-        kept += 1
-    total.count = kept
-    return total
-
-
 @wp.func
 def sign_of(x: wp.float64):
     if x > wp.float64(0.0):
@@ -78,45 +52,74 @@ def sign_of(x: wp.float64):
 
 
 @wp.func
-def sign_of_total(total: Total):
-    if total.count == 0:
-        return 0
-    return sign_of(total.parts[total.count - 1])
-
-
-@wp.func
 def difference(a: wp.float64, b: wp.float64):
     """a − b exactly, in two parts."""
     return two_sum(a, -b)
 
 
 @wp.func
+def exact_sum_sign(terms: Expansion, count: int):
+    """Sign of the exact sum of the first ``count`` terms.
+
+    ``parts[0:kept]`` is the sum so far: parts that do not overlap, in order of magnitude, none of them zero.
+    """
+    parts = Expansion()
+    kept = int(0)
+    for k in range(count):
+        q = terms[k]
+        n = int(0)
+        for i in range(kept):
+            s = two_sum(q, parts[i])
+            q = s[0]
+            if s[1] != wp.float64(0.0):
+                parts[n] = s[1]
+                n += 1
+        if q != wp.float64(0.0):
+            parts[n] = q
+            n += 1
+        kept = n
+    if kept == 0:
+        return 0
+    return sign_of(parts[kept - 1])
+
+
+@wp.func
 def exact_side(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
-    """Sign of the determinant of (a − d, b − d, c − d), summed exactly."""
-    total = Total()
-    for k in range(6):
-        i = k % 3
-        step = 1
+    """Sign of the determinant of (a − d, b − d, c − d), summed exactly.
+
+    One loop over its 6 products of 2 × 2 × 2 parts, with bounds that are no constants: unrolled it would compile for
+    minutes.
+    """
+    terms = Expansion()
+    count = int(0)
+    products = int(48)
+    for k in range(products):
+        p = k / 8
+        n = k % 8
+        step = int(1)
         sign = wp.float64(1.0)
-        if k > 2:
+        if p > 2:
             step = 2
             sign = wp.float64(-1.0)
+        i = p % 3
         j = (i + step) % 3
         m = (j + step) % 3
         u = difference(a[i], d[i])
         v = difference(b[j], d[j])
         w = difference(c[m], d[m])
-        for n in range(8):
-            x = u[n & 1]
-            y = v[(n >> 1) & 1]
-            z = w[n >> 2]
-            if x != wp.float64(0.0) and y != wp.float64(0.0) and z != wp.float64(0.0):
-                p = two_product(x, y)
-                for h in range(2):
-                    q = two_product(p[h], sign * z)
-                    total = added(total, q[0])
-                    total = added(total, q[1])
-    return sign_of_total(total)
+        x = u[n & 1]
+        y = v[(n >> 1) & 1]
+        z = sign * w[n >> 2]
+        if x != wp.float64(0.0) and y != wp.float64(0.0) and z != wp.float64(0.0):
+            xy = two_product(x, y)
+            high = two_product(xy[0], z)
+            low = two_product(xy[1], z)
+            terms[count] = low[1]
+            terms[count + 1] = low[0]
+            terms[count + 2] = high[1]
+            terms[count + 3] = high[0]
+            count += 4
+    return exact_sum_sign(terms, count)
 
 
 @wp.func
@@ -138,19 +141,23 @@ def side(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
 
 @wp.func
 def exact_turn(a: wp.vec2d, b: wp.vec2d, c: wp.vec2d):
-    """Sign of the determinant of (a − c, b − c), summed exactly."""
-    total = Total()
-    for i in range(2):
+    """Sign of the determinant of (a − c, b − c), summed exactly; a loop as in :func:`exact_side`."""
+    terms = Expansion()
+    count = int(0)
+    products = int(8)
+    for k in range(products):
+        i = k / 4
+        n = k % 4
         sign = wp.float64(1.0)
         if i == 1:
             sign = wp.float64(-1.0)
         u = difference(a[i], c[i])
         v = difference(b[1 - i], c[1 - i])
-        for n in range(4):
-            q = two_product(u[n & 1], sign * v[n >> 1])
-            total = added(total, q[0])
-            total = added(total, q[1])
-    return sign_of_total(total)
+        q = two_product(u[n & 1], sign * v[n >> 1])
+        terms[count] = q[1]
+        terms[count + 1] = q[0]
+        count += 2
+    return exact_sum_sign(terms, count)
 
 
 @wp.func
