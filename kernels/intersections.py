@@ -37,7 +37,8 @@ def coplanar_segments_meet(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
 
     At least one view shows a plane without folding it, and the overlap of boxes settles what lies on one line.
     """
-    for axis in range(3):
+    axes = int(3)  # no constant: loops over exact signs, unrolled, compile for minutes
+    for axis in range(axes):
         if not segments_meet_flat(flattened(a, axis), flattened(b, axis), flattened(c, axis), flattened(d, axis)):
             return False
     return True
@@ -58,7 +59,8 @@ def inside_flat(p: wp.vec2d, a: wp.vec2d, b: wp.vec2d, c: wp.vec2d):
 @wp.func
 def coplanar_inside(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
     """Whether p lies in the closed triangle in whose plane it is."""
-    for axis in range(3):
+    axes = int(3)
+    for axis in range(axes):
         if not inside_flat(flattened(p, axis), flattened(a, axis), flattened(b, axis), flattened(c, axis)):
             return False
     return True
@@ -67,12 +69,14 @@ def coplanar_inside(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
 @wp.func
 def coplanar_meets(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
     """Whether the closed segment p–q meets the closed triangle, both in one plane or the triangle without area."""
-    if side(p, q, a, b) == 0 and coplanar_segments_meet(p, q, a, b):
-        return True
-    if side(p, q, b, c) == 0 and coplanar_segments_meet(p, q, b, c):
-        return True
-    if side(p, q, c, a) == 0 and coplanar_segments_meet(p, q, c, a):
-        return True
+    edges = int(3)
+    start = a
+    end = b
+    for k in range(edges):
+        if side(p, q, start, end) == 0 and coplanar_segments_meet(p, q, start, end):
+            return True
+        start = end
+        end = wp.where(k == 0, c, a)
     return coplanar_inside(p, a, b, c)
 
 
@@ -103,7 +107,8 @@ def edges_meet(points: wp.array(dtype=vec3), s: wp.vec3i, t: wp.vec3i):
     a = point(points, t[0])
     b = point(points, t[1])
     c = point(points, t[2])
-    for k in range(3):
+    edges = int(3)
+    for k in range(edges):
         i = s[k]
         j = s[(k + 1) % 3]
         if not has(t, i) and not has(t, j) and segment_meets_triangle(point(points, i), point(points, j), a, b, c):
@@ -162,5 +167,10 @@ def count_intersections(
         other = triangle(tri_indices, t)
         if particle_world[other[0]] != world:
             continue
-        if edges_meet(particle_q, mine, other) or edges_meet(particle_q, other, mine):
+        meet = int(0)
+        ways = int(2)
+        for way in range(ways):
+            if meet == 0 and edges_meet(particle_q, wp.where(way == 0, mine, other), wp.where(way == 0, other, mine)):
+                meet = 1
+        if meet == 1:
             wp.atomic_add(count_out, world, wp.where(t < cloth_tris, 0, 1), 1)

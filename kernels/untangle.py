@@ -42,7 +42,8 @@ def add_crossings(points: wp.array(dtype=vec3), mine: wp.vec3i, s: int, other: w
     a = point(points, other[0])
     b = point(points, other[1])
     c = point(points, other[2])
-    for k in range(3):
+    edges = int(3)
+    for k in range(edges):
         i = mine[k]
         j = mine[(k + 1) % 3]
         if has(other, i) or has(other, j):

@@ -1,5 +1,7 @@
 """A batch on a Ray cluster of two nodes on this machine, one of which is killed in mid-run."""
 
+import signal
+
 import psutil
 import pytest
 from batch_sweeps import SCENE, SWEEP, contents, simulated, written
@@ -19,11 +21,13 @@ def cluster():
     nodes = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
     nodes.doomed = nodes.add_node(num_cpus=1)
     nodes.add_node(num_cpus=1)
+    before = signal.getsignal(signal.SIGTERM)  # Ray takes it for itself, and keeps it
     try:
         yield nodes
     finally:
         ray.shutdown()
         nodes.shutdown()
+        signal.signal(signal.SIGTERM, before if before in (signal.SIG_DFL, signal.SIG_IGN) else signal.SIG_DFL)
 
 
 @pytest.mark.filterwarnings("ignore")  # Ray's own

@@ -63,7 +63,7 @@ def test_nothing_is_lost_and_nothing_is_half(tmp_path):
         end = time.monotonic() + chance.uniform(2.0, 5.0)
         while time.monotonic() < end and process.poll() is None:
             time.sleep(chance.uniform(0.2, 1.2))
-            if process.poll() is None and chance.random() < 0.5:
+            if process.poll() is None and (deaths == 0 or chance.random() < 0.5):
                 deaths += kill_a_worker(parent, chance)
         orphans = parent.children() if process.poll() is None else []
         process.send_signal(signal.SIGKILL)

@@ -71,7 +71,7 @@ def test_the_result_says_what_was_done(tmp_path):
 
 def test_the_default_output_is_the_scene_in_the_current_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    result = simulate("hanging", frames=1, integrator="xpbd", substeps=1, device="cpu")
+    result = simulate("hanging", frames=1, integrator="xpbd", device="cpu")
     assert result.output == tmp_path / "hanging.usdc"
     assert result.output.is_file()
 
