@@ -52,7 +52,7 @@ def test_the_measure_of_depth_knows_inside_from_outside(drape):
 
 @pytest.mark.parametrize("frame", [6, 72])
 def test_particles_stay_outside_at_the_contact_distance(frame, drape):
-    """Half the fabric's thickness and the obstacle's millimetre; what impacts push may come nearer, but not inside it."""
+    """Half the fabric's thickness and the obstacle's millimetre; what is pushed may come nearer."""
     _, points, _, bunny, triangles = drape
     corners = bunny[triangles]
     winding = np.concatenate([winding_numbers(chunk, corners) for chunk in np.array_split(points[frame], 40)])
