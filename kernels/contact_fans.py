@@ -12,9 +12,9 @@ import sys
 import warp as wp
 
 from .contact_candidates import TrianglePairs
-from .precision import OPTIONS, vec3
+from .precision import FORWARD_ONLY, vec3
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 STEEP = wp.constant(wp.float64(0.3))  # least cosine between a normal and the fan's
 

@@ -6,15 +6,16 @@ import warp as wp
 
 from .closest import time_of_impact
 from .contact_pairs import Pairs, narrow, wide
-from .precision import OPTIONS, real, vec3
+from .precision import FORWARD_ONLY, real, vec3
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
 @wp.kernel
 def count_torn(
     # Model
     tri_indices: wp.array2d(dtype=wp.int32),
+    particle_world: wp.array(dtype=wp.int32),
     particle_rest: wp.array(dtype=vec3),
     limit: wp.float64,
     # State in
@@ -22,14 +23,14 @@ def count_torn(
     # Out
     torn_out: wp.array(dtype=wp.int32),
 ):
-    """Counts triangles with an edge more than ``limit`` times as long as at rest, or of no number."""
+    """Counts, per world, edges of triangles more than ``limit`` times as long as at rest, or of no number."""
     t = wp.tid()
     for k in range(3):
         a = tri_indices[t, k]
         b = tri_indices[t, (k + 1) % 3]
         rest = wp.length(wide(particle_rest[b]) - wide(particle_rest[a]))
         if not wp.length(wide(particle_q[b]) - wide(particle_q[a])) <= limit * rest:
-            wp.atomic_add(torn_out, 0, 1)
+            wp.atomic_add(torn_out, particle_world[a], 1)
 
 
 @wp.kernel

@@ -10,11 +10,11 @@ import warp as wp
 
 from .closest import combine, pair_weights, time_of_impact
 from .contact_pairs import Pairs, wide
-from .contact_response import KICK_UNIT, MOVE_UNIT, SHARE_UNIT, add_fixed, add_share
-from .precision import OPTIONS, real, vec3
+from .contact_response import KICK_UNIT, MOVE_UNIT, add_fixed, add_share, crowd, effective_mobility, relative_motion
+from .precision import FORWARD_ONLY, real, vec3
 from .shapes import MESH, Placement, Shapes, distance, to_local, to_world
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
 @wp.kernel
@@ -57,10 +57,7 @@ def find_impacts(
         x2 += t * u2
         x3 += t * u3
         w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
-        mobility = zero
-        for m in range(4):
-            mobility += wp.abs(w[m]) * wp.float64(particle_inv_mass[i[m]])
-        if mobility <= zero:
+        if effective_mobility(particle_inv_mass, i, w) <= zero:
             continue
         d = combine(w, x0, x1, x2, x3)
         n = wp.normalize(d)
@@ -86,6 +83,7 @@ def bounce(
     particle_to: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
     cloth_particles: int,
+    span: wp.float64,
     weights: wp.array(dtype=wp.vec4d),
     normal: wp.array(dtype=wp.vec3d),
     depth: wp.array(dtype=wp.float64),
@@ -97,7 +95,8 @@ def bounce(
 ):
     """Ends part by ``depth``, approach stops, friction takes up to μ times as much from what is tangential.
 
-    All pairs act at once, each by its part; see :func:`contact_response.push_contacts`.
+    All pairs act at once, each by its part; see :func:`contact_response.push_contacts`. Obstacles have no velocities of
+    their own: theirs is their way over the interval of ``span`` [s].
     """
     for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         if depth[k] <= wp.float64(0.0) or impacts[0] == 0:
@@ -107,20 +106,17 @@ def bounce(
         n = normal[k]
         zero = wp.float64(0.0)
         one = wp.float64(1.0)
-        effective = zero
-        crowd = zero
-        moved = wp.vec3d()
-        speed = wp.vec3d()
-        for m in range(4):
-            mobility = wp.float64(particle_inv_mass[i[m]])
-            effective += w[m] * w[m] * mobility
-            crowd += wp.abs(w[m]) * mobility * wp.float64(share[i[m]]) / SHARE_UNIT
-            moved += w[m] * (wide(particle_to[i[m]]) - wide(particle_from[i[m]]))
-            if i[m] < cloth_particles:
-                speed += w[m] * wide(particle_qd[i[m]])
+        effective = effective_mobility(particle_inv_mass, i, w)
         if effective <= zero:
             continue
-        part = effective / crowd
+        part = effective / crowd(particle_inv_mass, share, i, w)
+        moved = relative_motion(particle_from, particle_to, i, w)
+        speed = wp.vec3d()
+        for m in range(4):
+            if i[m] < cloth_particles:
+                speed += w[m] * wide(particle_qd[i[m]])
+            else:
+                speed += (w[m] / span) * (wide(particle_to[i[m]]) - wide(particle_from[i[m]]))
         friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
         slide = moved - wp.dot(moved, n) * n
         move = depth[k] * n - wp.min(friction * depth[k] / wp.max(wp.length(slide), wp.float64(1.0e-30)), one) * slide
@@ -136,22 +132,22 @@ def bounce(
 @wp.kernel
 def keep_out(
     # Model
-    particle_inv_mass: wp.array(dtype=real),
     particle_world: wp.array(dtype=wp.int32),
     particle_radius: wp.array(dtype=real),
     shapes: Shapes,
     # State in
+    particle_before: wp.array(dtype=vec3),
     place: wp.array(dtype=Placement),
-    impacts: wp.array(dtype=wp.int32),
     # Out
     particle_q_out: wp.array(dtype=vec3),
 ):
-    """Puts particles that impacts have pushed into spheres, capsules, boxes and planes back on their surfaces.
+    """Puts particles that this round has pushed into spheres, capsules, boxes and planes back on their surfaces.
 
-    Meshes are not among them: their triangles take part in the impacts.
+    Others stay, so that a world does not feel the impacts of another. Meshes are not looked at: their triangles take
+    part in the impacts.
     """
     i = wp.tid()
-    if impacts[0] == 0 or particle_inv_mass[i] == real(0.0):
+    if particle_q_out[i] == particle_before[i]:
         return
     w = particle_world[i]
     for s in range(shapes.world_start[w], shapes.world_start[w + 1]):

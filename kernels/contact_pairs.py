@@ -10,10 +10,10 @@ import warp as wp
 
 from .closest import combine, pair_weights
 from .contact_candidates import TrianglePairs, has, low_corner, padding, triangle
-from .precision import OPTIONS, real, vec3
+from .precision import FORWARD_ONLY, real, vec3
 from .shapes import Placement, to_world
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
 @wp.struct
@@ -177,6 +177,35 @@ def add_points(
             )  # fmt: skip
 
 
+@wp.func
+def add_edges(
+    t: int, corners: wp.vec3i, u: int, other: wp.vec3i, owned: wp.array(dtype=wp.int32), start: wp.array(dtype=vec3),
+    end: wp.array(dtype=vec3), lower: wp.array(dtype=wp.vec3), upper: wp.array(dtype=wp.vec3),
+    rest: wp.array(dtype=vec3), radius: wp.array(dtype=real), body: wp.array(dtype=wp.int32), margin: wp.float64,
+    cloth_particles: int, together: int, pairs: Pairs,
+):  # fmt: skip
+    """Adds pairs of an edge that triangle t owns and one that triangle u owns."""
+    pad = wp.vec3(wp.float32(margin))
+    for k in range(3):
+        a = corners[k]
+        b = corners[(k + 1) % 3]
+        edge = joined(swept_box(a, start, end), swept_box(b, start, end))
+        if ((owned[t] >> (k + 3)) & 1) == 0 or apart(edge, lower[u] - pad, upper[u] + pad):
+            continue
+        low = edge.low - padding(wp.float32(margin), edge.low, edge.high)
+        high = edge.high + padding(wp.float32(margin), edge.low, edge.high)
+        for m in range(3):
+            c = other[m]
+            d = other[(m + 1) % 3]
+            if ((owned[u] >> (m + 3)) & 1) == 1 and a != c and a != d and b != c and b != d:
+                facing = joined(swept_box(c, start, end), swept_box(d, start, end))
+                if not apart(facing, low, high):
+                    add_pair(
+                        1, wp.vec4i(a, b, c, d), start, end, rest, radius, body, margin, cloth_particles, together,
+                        pairs,
+                    )  # fmt: skip
+
+
 @wp.kernel
 def find_pairs(
     # Model
@@ -220,24 +249,7 @@ def find_pairs(
             u, other, t, mine, tri_owned, particle_from, particle_to, lower, upper, particle_rest, particle_radius,
             particle_body, margin, cloth_particles, together, pairs_out,
         )  # fmt: skip
-        pad = wp.vec3(wp.float32(margin))
-        for k in range(3):
-            if ((tri_owned[t] >> (k + 3)) & 1) == 0:
-                continue
-            a = mine[k]
-            b = mine[(k + 1) % 3]
-            edge = joined(swept_box(a, particle_from, particle_to), swept_box(b, particle_from, particle_to))
-            if apart(edge, lower[u] - pad, upper[u] + pad):
-                continue
-            low = edge.low - padding(wp.float32(margin), edge.low, edge.high)
-            high = edge.high + padding(wp.float32(margin), edge.low, edge.high)
-            for m in range(3):
-                c = other[m]
-                d = other[(m + 1) % 3]
-                if ((tri_owned[u] >> (m + 3)) & 1) == 1 and a != c and a != d and b != c and b != d:
-                    facing = joined(swept_box(c, particle_from, particle_to), swept_box(d, particle_from, particle_to))
-                    if not apart(facing, low, high):
-                        add_pair(
-                            1, wp.vec4i(a, b, c, d), particle_from, particle_to, particle_rest, particle_radius,
-                            particle_body, margin, cloth_particles, together, pairs_out,
-                        )  # fmt: skip
+        add_edges(
+            t, mine, u, other, tri_owned, particle_from, particle_to, lower, upper, particle_rest, particle_radius,
+            particle_body, margin, cloth_particles, together, pairs_out,
+        )  # fmt: skip

@@ -6,9 +6,9 @@ import warp as wp
 
 from .closest import combine, pair_weights
 from .contact_pairs import Pairs, narrow, wide
-from .precision import OPTIONS, real, vec3
+from .precision import FORWARD_ONLY, real, vec3
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
 # Sums over pairs are taken in fixed point: integers add up to the same whatever the order of the pairs, so the result
@@ -36,6 +36,34 @@ def add_share(share_out: wp.array(dtype=wp.int64), i: wp.vec4i, w: wp.vec4d):
     """Adds the weights' magnitudes to the sums of the four particles."""
     for m in range(4):
         wp.atomic_add(share_out, i[m], wp.int64(wp.round(SHARE_UNIT * wp.abs(w[m]))))
+
+
+@wp.func
+def effective_mobility(particle_inv_mass: wp.array(dtype=real), i: wp.vec4i, w: wp.vec4d):
+    """Σ wₖ²/mₖ [1/kg]: the pair's diagonal in the contact matrix J M⁻¹ Jᵀ; 0 if none of the four can move."""
+    total = wp.float64(0.0)
+    for m in range(4):
+        total += w[m] * w[m] * wp.float64(particle_inv_mass[i[m]])
+    return total
+
+
+@wp.func
+def crowd(particle_inv_mass: wp.array(dtype=real), share: wp.array(dtype=wp.int64), i: wp.vec4i, w: wp.vec4d):
+    """Bound on the sum of the pair's row in the contact matrix [1/kg], by all that its particles are part of."""
+    total = wp.float64(0.0)
+    for m in range(4):
+        mobility = wp.float64(particle_inv_mass[i[m]])
+        total += wp.abs(w[m]) * mobility * wp.float64(share[i[m]]) / SHARE_UNIT
+    return total
+
+
+@wp.func
+def relative_motion(start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), i: wp.vec4i, w: wp.vec4d):
+    """Σ wₖ (end − start) [m]."""
+    total = wp.vec3d()
+    for m in range(4):
+        total += w[m] * (wide(end[i[m]]) - wide(start[i[m]]))
+    return total
 
 
 @wp.kernel
@@ -113,17 +141,11 @@ def push_contacts(
         w = weights[k]
         n = normal[k]
         zero = wp.float64(0.0)
-        effective = zero
-        crowd = zero
-        moved = wp.vec3d()
-        for m in range(4):
-            mobility = wp.float64(particle_inv_mass[i[m]])
-            effective += w[m] * w[m] * mobility
-            crowd += wp.abs(w[m]) * mobility * wp.float64(share[i[m]]) / SHARE_UNIT
-            moved += w[m] * (wide(particle_q[i[m]]) - wide(particle_start[i[m]]))
+        effective = effective_mobility(particle_inv_mass, i, w)
         if effective <= zero:
             continue
-        part = effective / crowd
+        part = effective / crowd(particle_inv_mass, share, i, w)
+        moved = relative_motion(particle_start, particle_q, i, w)
         depth_share = part * depth[k]
         push = wp.min(depth_share, wp.max(-wp.dot(moved, n), zero))
         tangential = moved - wp.dot(moved, n) * n

@@ -5,10 +5,10 @@ import sys
 import warp as wp
 
 from .obstacle_contact import surface_point, to_float3
-from .precision import OPTIONS, real, vec3
+from .precision import FORWARD_ONLY, real, vec3
 from .shapes import MESH, Placement, Shapes, distance, to_local
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
 @wp.kernel

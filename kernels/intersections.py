@@ -6,9 +6,9 @@ import warp as wp
 
 from .contact_candidates import has, padding, triangle
 from .exact_sign import side, turn
-from .precision import OPTIONS, vec3
+from .precision import FORWARD_ONLY, vec3
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
 @wp.func

@@ -21,6 +21,48 @@ STIFFNESS = wp.constant(1.0e2)
 GRIP = wp.constant(2.0e1)
 
 
+@wp.struct
+class Held:
+    """What one obstacle does to one particle."""
+
+    depth: real  # [m]
+    force: vec3  # [N]
+    stiffness: mat33  # [N/m]
+    damping: mat33  # [N s/m]
+    sliding: mat33  # what of the damping is too much, as sliding friction keeps its size
+
+
+@wp.func
+def held_by(
+    shapes: Shapes, s: int, start: Placement, end: Placement, x0: vec3, x: vec3, v: vec3, mass: real, offset: real,
+    friction: real, dt: real, gamma: real,
+):  # fmt: skip
+    """The force of obstacle s on a particle at x, v that began the step at x0, and its blocks."""
+    held = Held()
+    slop = real(1.0e-3) * offset
+    a = to_local(start, x0)
+    hit = find_hit(shapes, s, dt, a, to_local(end, x), offset, slop)
+    held.depth = slop - hit.gap
+    if hit.found == 0 or held.depth <= real(0.0):
+        held.depth = real(0.0)
+        return held
+    kappa = real(STIFFNESS) * mass / (dt * dt)
+    n = end.rotation * hit.normal
+    carried = to_world(end, a) - to_world(start, a) + end.rotation * hit.surface
+    u = v - carried / dt
+    u = u - wp.dot(u, n) * n
+    most = friction * kappa * held.depth
+    drag = real(GRIP) * mass / gamma
+    if most < drag * wp.length(u):
+        drag = most / wp.length(u)
+        held.sliding = drag * wp.outer(u, u) / wp.dot(u, u)
+    outer = wp.outer(n, n)
+    held.stiffness = kappa * outer
+    held.damping = drag * (wp.identity(n=3, dtype=real) - outer)
+    held.force = kappa * held.depth * n - drag * u
+    return held
+
+
 @wp.kernel
 def support(
     # Model
@@ -50,47 +92,29 @@ def support(
     size, the velocity that they give to the particle in a step of weight ``gamma``, and the obstacle that gives most
     of it."""
     i = wp.tid()
-    stiffness = mat33()
-    damping = mat33()
-    sliding = mat33()
+    total = Held()
     impulse = vec3()
     shape = int(-1)
     if particle_inv_mass[i] > real(0.0):
         w = particle_world[i]
         mass = particle_mass[i]
-        x0 = particle_start[i]
-        kappa = real(STIFFNESS) * mass / (dt * dt)
-        force = vec3()
-        deepest = real(0.0)
         for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
-            offset = particle_radius[i] + shapes.thickness[s]
-            slop = real(1.0e-3) * offset
-            a = to_local(start[s], x0)
-            hit = find_hit(shapes, s, dt, a, to_local(end[s], particle_q[i]), offset, slop)
-            depth = slop - hit.gap
-            if hit.found == 1 and depth > real(0.0):
-                n = end[s].rotation * hit.normal
-                carried = to_world(end[s], a) - to_world(start[s], a) + end[s].rotation * hit.surface
-                u = particle_qd[i] - carried / dt
-                u = u - wp.dot(u, n) * n
-                friction = wp.sqrt(particle_friction[i] * shapes.friction[s]) * kappa * depth
-                drag = real(GRIP) * mass / gamma
-                if friction < drag * wp.length(u):
-                    drag = friction / wp.length(u)
-                    sliding += drag * wp.outer(u, u) / wp.dot(u, u)
-                outer = wp.outer(n, n)
-                stiffness += kappa * outer
-                damping += drag * (wp.identity(n=3, dtype=real) - outer)
-                given = kappa * depth * n - drag * u
-                force += given
-                if depth > deepest:
-                    deepest = depth
-                    shape = s
-                    impulse = (gamma / mass) * given
-        particle_f_out[i] = particle_f_out[i] + force
-    stiffness_out[i] = stiffness
-    damping_out[i] = damping
-    sliding_out[i] = sliding
+            held = held_by(
+                shapes, s, start[s], end[s], particle_start[i], particle_q[i], particle_qd[i], mass,
+                particle_radius[i] + shapes.thickness[s], wp.sqrt(particle_friction[i] * shapes.friction[s]), dt, gamma,
+            )  # fmt: skip
+            total.force += held.force
+            total.stiffness += held.stiffness
+            total.damping += held.damping
+            total.sliding += held.sliding
+            if held.depth > total.depth:
+                total.depth = held.depth
+                shape = s
+                impulse = (gamma / mass) * held.force
+        particle_f_out[i] = particle_f_out[i] + total.force
+    stiffness_out[i] = total.stiffness
+    damping_out[i] = total.damping
+    sliding_out[i] = total.sliding
     impulse_out[i] = impulse
     shape_out[i] = shape
 

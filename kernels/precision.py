@@ -11,3 +11,4 @@ mat33 = wp.types.matrix((3, 3), real)
 quat = wp.types.quaternion(real)
 
 OPTIONS = {"enable_backward": _variant.endswith("_grad")}
+FORWARD_ONLY = {"enable_backward": False}  # for what no gradient goes through

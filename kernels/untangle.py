@@ -6,9 +6,9 @@ import warp as wp
 
 from .contact_candidates import has, triangle
 from .intersections import point, segment_meets_triangle
-from .precision import OPTIONS, vec3
+from .precision import FORWARD_ONLY, vec3
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 SLANT = wp.constant(wp.float64(0.1))  # least |e·n|: edges that graze would be sent far
 

@@ -9,7 +9,7 @@ from typing import Any
 import warp as wp
 
 from warpcloth.diagnostics import penetration_depths
-from warpcloth.intersections import intersections
+from warpcloth.intersections import Triangles
 from warpcloth.simulation import Simulation
 from warpcloth.validate import choice
 
@@ -91,6 +91,7 @@ class _Run:
         """Simulate, write, and say how it went."""
         with stop_on_interrupt() as stop, self.built_scene.writer(self.output) as writer:
             self.model = make_model([self.built_scene])
+            self.triangles = Triangles(self.model) if self.model.tri_count > 0 else None
             simulation = make_simulation([self.built_scene], self.model, **self.options)
             self.ready = time.perf_counter()
             self._write(writer, 0, simulation)
@@ -113,7 +114,7 @@ class _Run:
     def _check(self, simulation: Simulation, *, last: bool) -> None:
         """Intersections and penetration, if every frame is checked or it is the last."""
         if self.every or last:
-            pairs = intersections(self.model, simulation.state).sum(axis=0)
+            pairs = (0, 0) if self.triangles is None else self.triangles.count(simulation.state).sum(axis=0)
             depth = penetration_depths(self.model, simulation.state).max(initial=0.0)
             self.checks.append((int(pairs[0]), int(pairs[1]), float(depth)))
 

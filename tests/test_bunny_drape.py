@@ -8,6 +8,7 @@ from warpcloth.scenes import load_scene, simulate
 
 # 1 m of cloth in 32 cells is too coarse for the ears' tips between its particles, but its particles must stay outside.
 COARSE = ["cloth.0.resolution=[33, 33]", "cloth.0.fabric.thickness=0.002", "frames=72"]
+CONTACT = 0.5 * 0.002 + 0.001  # half the fabric's thickness and the obstacle's own [m]
 
 
 @pytest.fixture(scope="module")
@@ -52,14 +53,14 @@ def test_the_measure_of_depth_knows_inside_from_outside(drape):
 
 @pytest.mark.parametrize("frame", [6, 72])
 def test_particles_stay_outside_at_the_contact_distance(frame, drape):
-    """Half the fabric's thickness and the obstacle's millimetre; what is pushed may come nearer."""
+    """Up to a fifth within the contact distance; and within twice it some do touch: cells ride on the bunny's edges."""
     _, points, _, bunny, triangles = drape
     corners = bunny[triangles]
     winding = np.concatenate([winding_numbers(chunk, corners) for chunk in np.array_split(points[frame], 40)])
     assert not (winding > 0.5).any()
     gaps = distances(points[frame], corners)
-    assert gaps.min() > 0.001
-    assert (gaps < 0.007).sum() > 5  # and some of the cloth does touch, early only over the ears
+    assert gaps.min() > 0.8 * CONTACT
+    assert (gaps < 2.0 * CONTACT).sum() > 5
     assert points[frame][:, 2].min() > 0.001  # nor does any go into the ground
 
 

@@ -9,8 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import warpcloth as wc
+from warpcloth.contact import ContactStage
+from warpcloth.contact.intervals import intervals_needed
 from warpcloth.errors import BadStartError, DivergedError, StabilityWarning
 from warpcloth.intersections import count_intersections, intersections
+from warpcloth.state import State
 from warpcloth.surface import owned_features
 
 SOFT = wc.Fabric(stretch_stiffness=60.0, shear_stiffness=12.0, bend_stiffness=0.5, thickness=0.004)
@@ -197,3 +200,60 @@ def test_edges_that_slide_past_each_other_do_not_flip():
     sim = touching(wc.Model.build(cloth, table), gravity=(0, 0, 0), substeps=50)
     sim.run(12)
     assert np.allclose(sim.state.particle_qd.numpy(), (1.0, 0.0, 0.0), atol=1e-4)
+
+
+def test_intervals_follow_the_fastest_obstacle():
+    """Half an edge of 2 cm in each; a spin counts by the obstacle's reach, smooth keys by half as much again."""
+    still, ball = wc.Plane(), wc.Sphere((0, 0, 0), 0.1)
+    assert intervals_needed(0.02, [still, ball], 1 / 60) == 2  # no longer than 1/120 s
+    flies = wc.Motion([0, 1], [[0, 0, 0], [6, 0, 0]], np.zeros((2, 3)))
+    assert intervals_needed(0.02, [still, wc.Sphere((0, 0, 0), 0.1, motion=flies)], 1 / 60) == 10
+    smooth = wc.Motion([0, 1], flies.positions, flies.rotations, interpolation="smooth")
+    assert intervals_needed(0.02, [wc.Sphere((0, 0, 0), 0.1, motion=smooth)], 1 / 60) == 15
+    spins = wc.Motion([0, 1], np.zeros((2, 3)), [[0, 0, 0], [0, 0, 60]])
+    assert intervals_needed(0.02, [wc.Sphere((0, 0, 0), 0.1, motion=spins)], 1 / 60) == 10
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    swells = wc.MeshObstacle(points, [[0, 1, 2]], sample_times=[0, 1], sample_points=[points, points * 7])
+    assert intervals_needed(0.02, [swells], 1 / 60) == 10
+
+
+@settings(max_examples=50, deadline=None)
+@given(substeps=st.integers(1, 200), speed=st.floats(0.1, 50.0))
+def test_intervals_share_the_substeps_evenly(substeps, speed):
+    motion = wc.Motion([0, 1], [[0, 0, 0], [0, 0, -speed]], np.zeros((2, 3)))
+    stage = ContactStage(wc.Model.build(sheet(n=5), wc.Sphere((0, 0, -1), 0.1, motion=motion)), "all")
+    lengths = stage.interval_lengths(1 / 60, substeps)
+    assert sum(lengths) == substeps
+    assert len(lengths) == min(substeps, stage.intervals(1 / 60))
+    assert max(lengths) - min(lengths) <= 1
+    assert stage.intervals(1 / 60) == max(2, np.ceil(speed / 60 / (0.5 * 0.1)))  # edges of 0.1 m
+
+
+def test_impacts_bring_cloth_to_the_obstacles_speed():
+    """A free sheet is hit by a sheet-like obstacle that has the response's time step for itself: one long step."""
+    points = np.array([[-0.5, -0.5, -0.05], [0.5, -0.5, -0.05], [0.5, 0.5, -0.05], [-0.5, 0.5, -0.05]])
+    up = wc.Motion([0, 1], [[0, 0, 0], [0, 0, 6.0]], np.zeros((2, 3)))
+    bat = wc.MeshObstacle(points, [[0, 1, 2], [0, 2, 3]], friction=0.0, motion=up)
+    model = wc.Model.build(sheet(n=6), bat)
+    cloths = touching(model, integrator="xpbd", gravity=(0, 0, 0), substeps=1).contact.cloths
+    state = State.of(model)
+    cloths.begin(state, 0.01)
+    model.shapes.place(model.tracks, state.world_time, 0.01)  # 6 cm: through the cloth at 5 cm
+    cloths.surface.place(state.particle_q, model.shapes.end, cloths.now)
+    cloths.end(state, 0.01)
+    x, v = state.particle_q.numpy(), state.particle_qd.numpy()
+    assert cloths.metrics()["contact_impacts"] > 0
+    assert cloths.metrics()["contact_pinched"] == 0
+    assert x[:, 2].min() > 0.01  # in front of the bat
+    assert np.abs(v[:, 2] - 6.0).max() < 0.06
+
+
+def test_torn_cloth_names_its_world():
+    model = wc.Model.build_worlds([([sheet(n=4)], []), ([sheet(n=4)], []), ([sheet(n=4)], [])])
+    sim = touching(model, integrator="xpbd", gravity=(0, 0, 0), substeps=4)
+    velocities = np.zeros((48, 3))
+    velocities[20] = (0, 0, 1e4)
+    sim.state.particle_qd.assign(velocities)
+    with pytest.raises(DivergedError, match="edges grew") as failure:
+        sim.step(1 / 60)
+    assert failure.value.worlds == (1,)

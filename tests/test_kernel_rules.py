@@ -143,7 +143,10 @@ def test_kernel_files_set_module_options(path):
     tree = ast.parse(path.read_text(encoding="utf-8"))
     if decorated(tree, "kernel"):
         calls = [ast.unparse(node) for node in tree.body if isinstance(node, ast.Expr)]
-        assert "wp.set_module_options(OPTIONS, module=sys.modules[__name__])" in calls
+        options = [
+            f"wp.set_module_options({name}, module=sys.modules[__name__])" for name in ("OPTIONS", "FORWARD_ONLY")
+        ]
+        assert sum(calls.count(option) for option in options) == 1
 
 
 @every_file

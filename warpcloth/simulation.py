@@ -10,7 +10,7 @@ import warp as wp
 from . import diagnostics, stability, validate
 from .air import Air
 from .contact import CONTACTS, ContactStage
-from .errors import ContactWarning, ConvergenceWarning, StabilityWarning
+from .errors import StabilityWarning
 from .force_terms import force_terms
 from .forces import Forces, Grabs
 from .forces.grabs import Hold
@@ -18,14 +18,12 @@ from .grab import Grab, GrabTape, make_hold
 from .integrators import make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
+from .lookout import Lookout
 from .model import Model
 from .state import State
 from .stopwatch import Stopwatch
 from .untangle import untangle
 
-REST_SPEED = 0.01  # [m/s] root mean square below which cloth counts as at rest
-REST_TIME = 0.25  # [s] for which it must stay so
-LOCKED_SHARE, LOCKED_FRAMES = 0.1, 10
 MAX_SUBSTEPS = 100_000
 
 
@@ -106,9 +104,7 @@ class Simulation:
         self._grabs: Grabs | None = None
         self._graphs: dict[tuple[float, int], wp.Graph] = {}
         self._ran: set[tuple[float, int]] = set()
-        self._rest_since = np.full(model.world_count, np.inf)
-        self._warned = False
-        self._held_frames, self._held = 0, 0
+        self._lookout = Lookout(model, self.integrator, self.contact)
         self._judged: set[float] = set()
         self.untangled = untangle(model, self.state) if validate.flag(untangled, "untangled") else None
         if contact != "none":
@@ -141,7 +137,7 @@ class Simulation:
             self._advance(dt, self.substeps)
         self.time += dt
         if self.check:
-            self._look(dt)
+            self._lookout.look(self._before, self.state, self.time, dt, self.substeps)
 
     def run(self, frames: int, fps: float = 60.0, on_frame: Callable[["Simulation", int], None] | None = None) -> None:
         """``frames`` frames of 1/fps [s]; ``on_frame(simulation, number)`` after each, numbers from 1."""
@@ -198,7 +194,7 @@ class Simulation:
 
         Needs ``check``; bool, shape [world_count].
         """
-        return self.time - self._rest_since >= REST_TIME
+        return self._lookout.settled(self.time)
 
     def continue_from(self, other: "Simulation", worlds: Sequence[int]) -> None:
         """Goes on where ``other`` is, with some of its worlds: each does from here on what it would have done there.
@@ -224,7 +220,7 @@ class Simulation:
             rows = slice(None) if memory.particle is None else kept[memory.particle]
             own.array.assign(memory.array.numpy()[rows])
         self.time, self.substeps, self._auto_dt = other.time, other.substeps, other._auto_dt
-        self._rest_since = other._rest_since[list(worlds)]
+        self._lookout.rest_since = other._lookout.rest_since[list(worlds)]
 
     def _advance(self, dt: float, substeps: int) -> None:
         """A frame, from a graph once the same frame has run before (a first run loads the kernels)."""
@@ -242,16 +238,15 @@ class Simulation:
     def _frame(self, dt: float, substeps: int) -> None:
         now, later = self.state, self._other
         now.forces_current = False  # the caller may have changed the state since the last frame
-        interval = self.contact.interval(dt, substeps)
-        for number in range(substeps):
-            if number % interval == 0:
-                with self.watch.stage("detect"):
-                    self.contact.begin(now)
-            self._substep(now, later, dt / substeps)
-            now, later = later, now
-            if (number + 1) % interval == 0 or number + 1 == substeps:
-                with self.watch.stage("guard"):
-                    self.contact.end(now)
+        for length in self.contact.interval_lengths(dt, substeps):
+            span = length * dt / substeps
+            with self.watch.stage("detect"):
+                self.contact.begin(now, span)
+            for _ in range(length):
+                self._substep(now, later, dt / substeps)
+                now, later = later, now
+            with self.watch.stage("guard"):
+                self.contact.end(now, span)
         if now is not self.state:
             self.state.copy_from(now)
 
@@ -308,35 +303,6 @@ class Simulation:
         warning = stability.warning_of_unstable_steps(self.model, self.integrator, positions, dt, self.substeps)
         if warning is not None:
             warnings.warn(warning, StabilityWarning, stacklevel=3)
-
-    def _look(self, dt: float) -> None:
-        """Stops on non-finite values; says once if a solver did not converge; sees rest by the way of a frame."""
-        bad, way = diagnostics.frame_motion(self.model, self._before, self.state)
-        diagnostics.check_finite(self.model, bad, self.time, self.integrator.name, self.substeps)
-        since = np.minimum(self._rest_since, self.time)
-        self._rest_since = np.where(way > REST_SPEED * dt, np.inf, since)
-        self._watch_guard()
-        if self.integrator.implicit and not self._warned and self.integrator.metrics().get("unconverged_steps", 0):
-            self._warned = True
-            warnings.warn(
-                f"{self.integrator.name} did not meet its tolerance in a step before t = {self.time:g} s and went on "
-                "with what it had; use more substeps, allow more iterations, or see metrics()['unconverged_steps'].",
-                ConvergenceWarning,
-                stacklevel=3,
-            )
-
-    def _watch_guard(self) -> None:
-        """Says so, once, when the guard holds back a tenth of all particles for ten frames on end: cloth is locked."""
-        held = self.contact.metrics().get("contact_held", 0)
-        many = held - self._held > LOCKED_SHARE * self.model.particle_count
-        self._held, self._held_frames = held, self._held_frames + 1 if many else 0
-        if self._held_frames == LOCKED_FRAMES:
-            warnings.warn(
-                f"Cloth is locked at t = {self.time:g} s: over {LOCKED_SHARE:.0%} of it is held back in every frame "
-                "so as not to intersect; use more substeps, slower motions or thicker cloth.",
-                ContactWarning,
-                stacklevel=4,
-            )
 
     def _world_gravity(self, gravity: Any) -> wp.array:
         count = self.model.world_count

@@ -135,6 +135,7 @@ class _Relaxation:
     def run(self) -> None:
         wp.copy(self.now.particle_q, self.state.particle_q)
         self.now.particle_qd.zero_()
+        self.contact.place(self.now, 0.0)  # obstacles do not move meanwhile
         self.integrator.step(self.model, self.now, self.later, self.forces, RELAX_TIME)
         self.contact.resolve(self.now, self.later, RELAX_TIME)
         wp.copy(self.state.particle_q, self.later.particle_q)

@@ -1,6 +1,8 @@
 """Jobs on a Ray cluster. Nodes need no disk in common: what they write comes back and is put in place here."""
 
+import signal
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -33,11 +35,15 @@ class Cluster:
         self.ray = needed("ray", "cluster")
         self._ours = not self.ray.is_initialized()
         if self._ours:
+            at_term = signal.getsignal(signal.SIGTERM)
             try:
                 self.ray.init(address=address, log_to_driver=False, logging_level="ERROR", ignore_reinit_error=True)
             except (ConnectionError, ValueError, RuntimeError) as error:
                 reason = str(error).strip().splitlines()[0].rstrip(".")
                 raise InputError(f"There is no Ray cluster at {address!r}: {reason}.") from error
+            finally:  # Ray takes the signal in order to exit at once; a batch stops cleanly, and its caller has a say
+                if threading.current_thread() is threading.main_thread():
+                    signal.signal(signal.SIGTERM, at_term)
 
     @property
     def processors(self) -> int:

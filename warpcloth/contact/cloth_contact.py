@@ -8,6 +8,7 @@ held back until none does. If the start is free of intersections, then so is the
 
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from ..errors import DivergedError
@@ -15,7 +16,7 @@ from ..model import Model
 from ..obstacles import Obstacle
 from ..state import State
 from ..surface import Surface, median_edge
-from .intervals import INTERVAL, intervals_needed
+from .intervals import intervals_needed
 from .pair_finder import PairFinder
 from .pair_list import PairList, loop_width
 
@@ -47,8 +48,9 @@ class ClothContact:
         self.move, self.kick = (wp.zeros((n, 3), dtype=wp.int64, device=device) for _ in range(2))
         self.share = wp.zeros(n, dtype=wp.int64, device=device)
         self.fraction, self.next_fraction = (wp.ones(n, dtype=wp.float64, device=device) for _ in range(2))
-        self.held_back, self.torn, self.impacts, self.remaining, self.rounds = (
-            wp.zeros(1, dtype=wp.int32, device=device) for _ in range(5)
+        self.torn = wp.zeros(model.world_count, dtype=wp.int32, device=device)
+        self.held_back, self.impacts, self.remaining, self.rounds = (
+            wp.zeros(1, dtype=wp.int32, device=device) for _ in range(4)
         )
         self.counts, self.counts_before = (wp.zeros(4, dtype=wp.int32, device=device) for _ in range(2))
         self.finder, self.width = PairFinder(model, self.surface), loop_width(device)
@@ -57,14 +59,12 @@ class ClothContact:
         """Intervals in a frame of dt [s]: as many as the world with the fastest obstacles and finest cloth needs."""
         return max(intervals_needed(edge, obstacles, dt) for edge, obstacles in self._worlds)
 
-    def begin(self, state: State) -> None:
-        """Starts an interval at ``state``; lists what is near, or will be at the present velocities."""
+    def begin(self, state: State, span: float) -> None:
+        """Starts an interval of ``span`` [s] at ``state``; lists what is near, or will be at the present velocities."""
         model, surface = self.model, self.surface
-        model.shapes.place(model.tracks, state.world_time, INTERVAL)
+        model.shapes.place(model.tracks, state.world_time, span)
         surface.place(state.particle_q, model.shapes.end, self.before)
-        self._launch(
-            self.kernels.contact_pairs.foresee, model.particle_count, [state.particle_qd, INTERVAL], [self.before]
-        )
+        self._launch(self.kernels.contact_pairs.foresee, model.particle_count, [state.particle_qd, span], [self.before])
         model.shapes.place(model.tracks, state.world_time, 0.0)
         surface.place(state.particle_q, model.shapes.end, self.now)
         wp.copy(self.start, self.now)
@@ -93,18 +93,18 @@ class ClothContact:
         )  # fmt: skip
         self._commit(state_out)
 
-    def end(self, state: State) -> None:
-        """Ends an interval at ``state``: holds back what would have passed through cloth."""
+    def end(self, state: State, span: float) -> None:
+        """Ends an interval of ``span`` [s] at ``state``: holds back what would have passed through cloth."""
         model = self.model
         self._launch(
             self.kernels.contact_guard.count_torn, model.tri_count,
-            [model.tri_indices, model.particle_q, TORN, state.particle_q],
+            [model.tri_indices, model.particle_world, model.particle_q, TORN, state.particle_q],
             [self.torn],
         )  # fmt: skip
         wp.copy(self.now, state.particle_q, count=model.particle_count)
         self.rounds.zero_()
         self.impacts.fill_(1)
-        wp.capture_while(self.impacts, self._part, state=state)
+        wp.capture_while(self.impacts, self._part, state=state, span=span)
         self.fraction.fill_(1.0)
         self.next_fraction.fill_(1.0)
         wp.copy(self.held_back, self.remaining)
@@ -125,11 +125,12 @@ class ClothContact:
         Raises:
             DivergedError: the integrator moved particles absurdly far. The guard would hold them, and hide that.
         """
-        torn = int(self.torn.numpy()[0])
-        if torn > 0:
+        torn = self.torn.numpy()
+        if torn.any():
             raise DivergedError(
-                f"The simulation diverged: {torn} triangle edges grew to {TORN:g} times their length in one frame; use "
-                'substeps="auto", more substeps, or an implicit integrator.'
+                f"The simulation diverged: {torn.sum()} triangle edges grew to {TORN:g} times their length in one "
+                'frame; use substeps="auto", more substeps, or an implicit integrator.',
+                tuple(np.flatnonzero(torn).tolist()),
             )
         short = any([self.near.grow(), self.swept.grow(), self.finder.grow()])
         if short:
@@ -156,7 +157,7 @@ class ClothContact:
         obstacles = self.model.shapes.obstacles
         return [(edge, [row[1] for row in obstacles if row[0] == world]) for world, edge in edges.items()]
 
-    def _part(self, state: State) -> None:
+    def _part(self, state: State, span: float) -> None:
         """One round of impacts; it goes on while there are any, up to ``ROUNDS``."""
         swept, surface, kernels = self.swept, self.surface, self.kernels
         self.finder.look_at_fans(self.start, self.now)
@@ -174,17 +175,14 @@ class ClothContact:
             kernels.contact_impact.bounce, self.width,
             [
                 surface.inv_mass, surface.friction, swept.pairs, self.width, self.start, self.now, state.particle_qd,
-                self.model.particle_count, swept.weights, swept.normal, swept.depth, self.share, self.impacts,
+                self.model.particle_count, span, swept.weights, swept.normal, swept.depth, self.share, self.impacts,
             ],
             [self.move, self.kick],
         )  # fmt: skip
         self._commit(state)
         self._launch(
             kernels.contact_impact.keep_out, self.model.particle_count,
-            [
-                surface.inv_mass, surface.world, surface.radius, self.model.shapes.shapes, self.model.shapes.end,
-                self.impacts,
-            ],
+            [surface.world, surface.radius, self.model.shapes.shapes, self.now, self.model.shapes.end],
             [state.particle_q],
         )  # fmt: skip
         wp.copy(self.now, state.particle_q, count=self.model.particle_count)

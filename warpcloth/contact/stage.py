@@ -1,6 +1,6 @@
 """All contact of a simulation, as the loop sees it."""
 
-import math
+from itertools import pairwise
 from typing import Any
 
 from ..model import Model
@@ -40,14 +40,16 @@ class ContactStage:
         """Detections in a frame of dt [s], and so the fewest substeps; 1 without contact among cloths."""
         return 1 if self.cloths is None else self.cloths.intervals(dt)
 
-    def interval(self, dt: float, substeps: int) -> int:
-        """Substeps that share one detection, of ``substeps`` in a frame of dt [s]."""
-        return math.ceil(substeps / min(substeps, self.intervals(dt)))
+    def interval_lengths(self, dt: float, substeps: int) -> list[int]:
+        """How many of the ``substeps`` of a frame of dt [s] share each detection; as even as can be."""
+        count = min(substeps, self.intervals(dt))
+        bounds = [-(-k * substeps // count) for k in range(count + 1)]
+        return [last - first for first, last in pairwise(bounds)]
 
-    def begin(self, state: State) -> None:
-        """Before the first substep of an interval."""
+    def begin(self, state: State, span: float) -> None:
+        """Before the first substep of an interval of ``span`` [s]."""
         if self.cloths is not None:
-            self.cloths.begin(state)
+            self.cloths.begin(state, span)
 
     def place(self, state: State, dt: float) -> None:
         """Before each substep of dt [s] from ``state``: puts obstacles where they are and will be."""
@@ -63,10 +65,10 @@ class ContactStage:
         if self.obstacles is not None:
             self.obstacles.resolve(state_in, state_out, dt)
 
-    def end(self, state: State) -> None:
-        """After the last substep of an interval."""
+    def end(self, state: State, span: float) -> None:
+        """After the last substep of an interval of ``span`` [s]."""
         if self.cloths is not None:
-            self.cloths.end(state)
+            self.cloths.end(state, span)
 
     def remember(self) -> None:
         """Before a frame."""

@@ -58,7 +58,8 @@ class Page:
     def __init__(self, session: Session, host: str = "127.0.0.1", port: int = 8080, folder: Path = Path()):
         self.session, self.folder, self.updates = session, folder, 0
         self.server = viser().ViserServer(host=host, port=port, verbose=False)
-        self.server.gui.configure_theme(control_layout="collapsible", show_share_button=False)
+        self.server.gui.configure_theme(show_share_button=False)
+        self.server.gui.main_panel.dock_right()
         self.server.scene.set_up_direction("+z")
         self.coloring = "fabric"
         self._build_scene()

@@ -1,0 +1,69 @@
+"""Looks at each frame when it is done: stops on non-finite numbers, sees rest, and warns of what went badly."""
+
+import warnings
+
+import numpy as np
+
+from . import diagnostics
+from .contact import ContactStage
+from .errors import ContactWarning, ConvergenceWarning
+from .integrators.base import Integrator
+from .model import Model
+from .state import State
+
+REST_SPEED = 0.01  # [m/s] root mean square below which cloth counts as at rest
+REST_TIME = 0.25  # [s] for which it must stay so
+LOCKED_SHARE, LOCKED_FRAMES = 0.1, 10
+
+
+class Lookout:
+    """What has been seen of a simulation's frames so far.
+
+    Attributes:
+        rest_since: per world, when it came to rest [s]; infinite while it moves.
+    """
+
+    def __init__(self, model: Model, integrator: Integrator, contact: ContactStage):
+        self.model, self.integrator, self.contact = model, integrator, contact
+        self.rest_since = np.full(model.world_count, np.inf)
+        self._warned = False
+        self._held_frames, self._held = 0, 0
+
+    def settled(self, time: float) -> np.ndarray:
+        """Per world whether it has been at rest for long enough at ``time`` [s]."""
+        return time - self.rest_since >= REST_TIME
+
+    def look(self, before: State, state: State, time: float, dt: float, substeps: int) -> None:
+        """Looks at the frame of dt [s] that began at ``before`` and has just ended at ``state`` and ``time`` [s].
+
+        Raises:
+            DivergedError: something is not finite.
+
+        Warns:
+            ContactWarning, ConvergenceWarning: once each, in the name of whoever called the caller.
+        """
+        bad, way = diagnostics.frame_motion(self.model, before, state)
+        diagnostics.check_finite(self.model, bad, time, self.integrator.name, substeps)
+        self.rest_since = np.where(way > REST_SPEED * dt, np.inf, np.minimum(self.rest_since, time))
+        self._look_at_guard(time)
+        if self.integrator.implicit and not self._warned and self.integrator.metrics().get("unconverged_steps", 0):
+            self._warned = True
+            warnings.warn(
+                f"{self.integrator.name} did not meet its tolerance in a step before t = {time:g} s and went on "
+                "with what it had; use more substeps, allow more iterations, or see metrics()['unconverged_steps'].",
+                ConvergenceWarning,
+                stacklevel=3,
+            )
+
+    def _look_at_guard(self, time: float) -> None:
+        """Says so, once, when the guard holds back a tenth of all particles for ten frames on end: cloth is locked."""
+        held = self.contact.metrics().get("contact_held", 0)
+        many = held - self._held > LOCKED_SHARE * self.model.particle_count
+        self._held, self._held_frames = held, self._held_frames + 1 if many else 0
+        if self._held_frames == LOCKED_FRAMES:
+            warnings.warn(
+                f"Cloth is locked at t = {time:g} s: over {LOCKED_SHARE:.0%} of it is held back in every frame "
+                "so as not to intersect; use more substeps, slower motions or thicker cloth.",
+                ContactWarning,
+                stacklevel=4,
+            )
