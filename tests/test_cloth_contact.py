@@ -142,7 +142,7 @@ def test_an_intersecting_start_is_refused():
         touching(wc.Model.build([sheet("flat", 5), sheet("upright", 6, transform=upright)]))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(columns=st.integers(2, 9), rows=st.integers(2, 9))
 def test_every_vertex_and_edge_has_one_owner(columns, rows):
     triangles = wc.Cloth.grid(size=(columns - 1, rows - 1), resolution=(columns, rows)).triangles
@@ -154,7 +154,7 @@ def test_every_vertex_and_edge_has_one_owner(columns, rows):
     assert len(owners) == len(edges)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10**6), speed=st.floats(0.5, 20.0), n=st.integers(5, 10))
 def test_random_throws_stay_free_of_intersections(seed, speed, n):
     rng = np.random.default_rng(seed)
@@ -217,7 +217,7 @@ def test_intervals_follow_the_fastest_obstacle():
     assert intervals_needed(0.02, [swells], 1 / 60) == 10
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(substeps=st.integers(1, 200), speed=st.floats(0.1, 50.0))
 def test_intervals_share_the_substeps_evenly(substeps, speed):
     motion = wc.Motion([0, 1], [[0, 0, 0], [0, 0, -speed]], np.zeros((2, 3)))

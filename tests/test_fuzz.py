@@ -22,7 +22,7 @@ from warpcloth import errors
 from warpcloth.cli import run
 
 pytestmark = pytest.mark.filterwarnings("ignore::warpcloth.errors.FabricWarning")  # of cells that are long
-MANY = settings(max_examples=800, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+MANY = settings(max_examples=800, derandomize=True, suppress_health_check=list(HealthCheck))
 FEW = settings(MANY, max_examples=60)
 MOST_VERTICES = 2_000  # that a test builds
 LONGEST = 1_000  # characters of a sentence

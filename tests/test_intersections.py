@@ -95,7 +95,7 @@ def _solve(system):
     return [det(m) / whole for m in replaced]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.lists(st.integers(-2, 2), min_size=18, max_size=18), st.sampled_from([1.0, 2.0**-20, 1024.0]))
 def test_touching_coplanar_and_degenerate_pairs_are_exact(values, scale):
     """On so small a grid nearly all pairs touch, share a plane, or have no area."""
@@ -103,7 +103,7 @@ def test_touching_coplanar_and_degenerate_pairs_are_exact(values, scale):
     assert ours(scale * points[None])[0] == exactly(points)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(seed=st.integers(0, 10**6), lift=st.integers(-3, 3))
 def test_nearly_touching_pairs_are_told_apart_by_the_last_bit(seed, lift):
     """A vertex on another triangle's plane, lifted by single units of the last place."""

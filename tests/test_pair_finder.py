@@ -53,7 +53,7 @@ def look(finder, pairs, surface, start, end, fans=True) -> set[tuple[int, ...]]:
             return listed(pairs)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), stray=st.floats(0.0, 0.2))
 def test_what_is_remembered_does_not_show(finder, seed, stray):
     rng = np.random.default_rng(seed)
@@ -68,7 +68,7 @@ def test_what_is_remembered_does_not_show(finder, seed, stray):
     assert remembered or stray < 0.05  # little of a smooth fold is near anything
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
 def test_all_pairs_that_start_near_are_found(finder, seed):
     """Against all pairs of vertices and triangles, by brute force in numpy."""
@@ -107,7 +107,7 @@ def distance_weights(kernels, points: np.ndarray) -> np.ndarray:
     return weights
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(columns=st.integers(2, 7), rows=st.integers(2, 7))
 def test_pairs_with_common_vertices_are_all_known(columns, rows):
     triangles = wc.Cloth.grid(size=(columns - 1, rows - 1), resolution=(columns, rows)).triangles
@@ -129,7 +129,7 @@ def test_fans_that_are_none_are_told():
     assert fans_of(np.array([[0, 1, 2], [0, 3, 2]]), 4).turns.tolist() == [BROKEN, OPEN, BROKEN, OPEN]  # turned over
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(seed=st.integers(0, 10**6))
 def test_flat_fans_do_not_touch_themselves_on_their_way(finder, seed):
     """No edge opposite the centre passes a triangle that it shares no vertex with, at any time in between."""

@@ -71,7 +71,7 @@ def test_fastest_rate_of_a_square_grid_is_the_closed_form():
     assert fastest_rates(model)[0] > omega
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     n=st.integers(3, 9),
     size=st.floats(0.05, 2.0),
@@ -140,7 +140,7 @@ def test_rest_is_seen_and_lost():
     assert sim.settled
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     t=st.floats(-0.5, 4.0),
     turn=st.tuples(*[st.floats(-7.0, 7.0)] * 3),

@@ -65,7 +65,7 @@ def test_gather_equals_scatter_to_round_off(precision, tolerance):
     assert np.abs(scatter - gather).max() <= tolerance * np.abs(scatter).max()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
 def test_internal_forces_have_no_resultant_and_no_moment(seed):
     net = random_network(seed)
