@@ -59,6 +59,7 @@ def extrapolate(
 def recall(
     # Model
     particle_inv_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
     # State in
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
@@ -80,7 +81,7 @@ def recall(
     """
     i = wp.tid()
     h = real(dt)
-    if past_dt[0] == dt:
+    if past_dt[particle_world[i]] == dt:
         jump = particle_qd[i] - end_qd[i]
         past_q_out[i] = past_q_out[i] + (particle_q[i] - end_q[i]) - h * jump
         past_qd_out[i] = past_qd_out[i] + jump
@@ -91,6 +92,8 @@ def recall(
 
 @wp.kernel
 def remember(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
     # State in
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
@@ -104,14 +107,13 @@ def remember(
     end_qd_out: wp.array(dtype=vec3),
     past_dt_out: wp.array(dtype=wp.float64),
 ):
-    """Keeps the start and the end of the step for the next one."""
+    """Keeps the start and the end of the step for the next one, and in each world its dt."""
     i = wp.tid()
     past_q_out[i] = particle_q[i]
     past_qd_out[i] = particle_qd[i]
     end_q_out[i] = later_q[i]
     end_qd_out[i] = later_qd[i]
-    if i == 0:
-        past_dt_out[0] = dt
+    past_dt_out[particle_world[i]] = dt
 
 
 @wp.kernel

@@ -24,6 +24,18 @@ def set_gravity_force(
 
 
 @wp.kernel
+def add_force(
+    # State in
+    force: wp.array(dtype=vec3),
+    # Out
+    particle_f_out: wp.array(dtype=vec3),
+):
+    """Adds a given force [N] to every particle."""
+    i = wp.tid()
+    particle_f_out[i] = particle_f_out[i] + force[i]
+
+
+@wp.kernel
 def gravity_energy(
     # Model
     particle_mass: wp.array(dtype=real),

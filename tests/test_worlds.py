@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 from integrator_problems import NAMES
 
 import warpcloth as wc
 from warpcloth import diagnostics
 from warpcloth.contact.pair_list import PairList
+from warpcloth.errors import InputError
 from warpcloth.integrators import INTEGRATORS
 
 INDEPENDENT = [name for name in NAMES if not INTEGRATORS[name].couples_worlds]
@@ -71,6 +73,49 @@ def test_a_frame_done_again_for_want_of_memory_is_the_same(name, monkeypatch):
     tight = simulation(WORLDS, name, contact="all")
     tight.run(4)
     np.testing.assert_array_equal(phase(tight), phase(roomy))
+
+
+@pytest.mark.parametrize("name", INDEPENDENT)
+def test_worlds_that_are_reset_begin_anew(name):
+    """Bitwise as in the beginning, whatever the scheme, hysteresis and pins remember; the others go on undisturbed."""
+    sim, fresh, going = (simulation(WORLDS, name, contact="all") for _ in range(3))
+    sim.run(4)
+    mask = wp.array([True, True, False], dtype=wp.bool, device=sim.model.device)
+    sim.reset(mask)
+    world = sim.model.particle_world.numpy()
+    np.testing.assert_array_equal(phase(sim)[world < 2], phase(fresh)[world < 2])
+    sim.run(3)
+    fresh.run(3)
+    going.run(7)
+    np.testing.assert_array_equal(phase(sim), np.where(world[:, None] < 2, phase(fresh), phase(going)))
+    np.testing.assert_allclose(sim.state.world_time.numpy(), np.array([3, 3, 7]) / 60.0)
+    assert np.abs(phase(fresh) - phase(going)).max() > 1e-3
+    sim.reset()
+    assert sim.time == 0.0
+    sim.run(3)
+    np.testing.assert_array_equal(phase(sim), phase(fresh))
+
+
+@pytest.mark.parametrize(
+    ("mask", "sentence"),
+    [
+        ([True, False], r"World mask must be booleans of shape \(3,\), one for each world, got bool of shape \(2,\)."),
+        ([1, 0, 1], r"World mask must be booleans of shape \(3,\), one for each world, got int64 of shape \(3,\)."),
+        (wp.zeros(3, dtype=wp.int32, device="cpu"), "World mask must be of dtype bool, got int32."),
+        (wp.zeros(2, dtype=wp.bool, device="cpu"), r"World mask must have shape \(3,\), got \(2,\)."),
+    ],
+)
+def test_masks_that_do_not_fit_are_refused(mask, sentence):
+    with pytest.raises(InputError, match=f"^{sentence}$"):
+        simulation(WORLDS).reset(mask)
+
+
+def test_a_reset_world_is_not_at_rest():
+    sim = simulation([([wc.Cloth.grid((0.1, 0.1), (3, 3), transform=(0, 0, 0.0021))], [wc.Plane()])])
+    sim.run(18)
+    assert sim.settled
+    sim.reset([True])
+    assert not sim.settled
 
 
 def test_each_world_is_measured_by_itself():

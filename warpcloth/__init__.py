@@ -8,10 +8,13 @@ from typing import Any
 from . import errors
 from .air import Air
 from .cloth import Cloth, Inflation, pin, pin_box, pin_nearest
+from .contact import ContactPlanes
 from .errors import WarpclothError
 from .fabric import Fabric
 from .fabric_library import fabrics, library_fabric
+from .forces import AppliedForce, UserForce
 from .grab import Grab, GrabTape
+from .hooks import Hook
 from .integrators import integrators
 from .model import Model
 from .motion import Motion
@@ -24,9 +27,10 @@ __version__ = "0.1.0"
 _SCENE_LAYER = ("load_scene", "simulate")
 
 __all__ = [
-    "Air", "Box", "Capsule", "Cloth", "Fabric", "Grab", "GrabTape", "Inflation", "MeshObstacle", "Model", "Motion",
-    "Plane", "Simulation", "Sphere", "State", "WarpclothError", "errors", "fabrics", "integrators", "library_fabric",
-    "load_scene", "pin", "pin_box", "pin_nearest", "simulate",
+    "Air", "AppliedForce", "Box", "Capsule", "Cloth", "ContactPlanes", "Fabric", "Grab", "GrabTape", "Hook",
+    "Inflation", "MeshObstacle", "Model", "Motion", "Plane", "Simulation", "Sphere", "State", "UserForce",
+    "WarpclothError", "errors", "fabrics", "integrators", "library_fabric", "load_scene", "pin", "pin_box",
+    "pin_nearest", "simulate",
 ]  # fmt: skip
 
 

@@ -1,7 +1,12 @@
 """Which forces act in a simulation, by what its model has."""
 
 from collections.abc import Sequence
+from typing import Any
 
+import numpy as np
+import warp as wp
+
+from . import validate
 from .air import Air
 from .errors import InputError
 from .forces import AirDrag, Bending, ForceTerm, Pressure, Springs, StrainLimit
@@ -29,3 +34,14 @@ def force_terms(
     if model.limits_strain and not integrator.solves_springs_only:
         terms.append(StrainLimit(model))
     return terms
+
+
+def world_gravity(model: Model, gravity: Any) -> wp.array:
+    """Gravity [m/s²] of each world, from one for all, shape [3], or one for each, shape [world_count, 3].
+
+    Raises:
+        InputError: another shape, or not finite.
+    """
+    shape = (model.world_count, 3) if np.ndim(gravity) == 2 else (3,)
+    values = validate.array(gravity, "gravity", shape)
+    return model.array(np.broadcast_to(values, (model.world_count, 3)), model.vec3)

@@ -4,9 +4,9 @@ import warnings
 
 import numpy as np
 
-from . import diagnostics
+from . import diagnostics, stability
 from .contact import ContactStage
-from .errors import ContactWarning, ConvergenceWarning
+from .errors import ContactWarning, ConvergenceWarning, StabilityWarning
 from .integrators.base import Integrator
 from .model import Model
 from .state import State
@@ -27,6 +27,7 @@ class Lookout:
         self.model, self.integrator, self.contact = model, integrator, contact
         self.rest_since = np.full(model.world_count, np.inf)
         self._warned = False
+        self._judged: set[float] = set()
         self._held_frames, self._held = 0, 0
 
     def settled(self, time: float) -> np.ndarray:
@@ -54,6 +55,16 @@ class Lookout:
                 ConvergenceWarning,
                 stacklevel=3,
             )
+
+    def warn_if_unstable(self, state: State, dt: float, substeps: int) -> None:
+        """Warns, once for each length of frame and in the name of the caller's caller, of too few ``substeps``."""
+        if dt in self._judged:
+            return
+        self._judged.add(dt)
+        positions = state.particle_q.numpy().astype(np.float64)
+        warning = stability.warning_of_unstable_steps(self.model, self.integrator, positions, dt, substeps)
+        if warning is not None:
+            warnings.warn(warning, StabilityWarning, stacklevel=3)
 
     def _look_at_guard(self, time: float) -> None:
         """Says so, once, when the guard holds back a tenth of all particles for ten frames on end: cloth is locked."""

@@ -1,6 +1,5 @@
 """The simulation loop: forces → integrator → contact, many substeps a frame, each frame a captured graph."""
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -10,19 +9,22 @@ import warp as wp
 from . import diagnostics, stability, validate
 from .air import Air
 from .contact import CONTACTS, ContactStage
-from .errors import StabilityWarning
-from .force_terms import force_terms
+from .force_terms import force_terms, world_gravity
 from .forces import Forces, Grabs
 from .forces.grabs import Hold
+from .forces.user import UserForce, checked_forces
 from .grab import Grab, GrabTape, make_hold
+from .hooks import Hook, checked_hooks
 from .integrators import make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
 from .lookout import Lookout
 from .model import Model
+from .recording import check_replayed, recordable_substeps
 from .state import State
 from .stopwatch import Stopwatch
 from .untangle import untangle
+from .worlds import WorldReset, take_worlds, world_mask
 
 MAX_SUBSTEPS = 100_000
 
@@ -41,6 +43,8 @@ class Simulation:
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
         graph: capture each frame as a graph and replay it, where the device can.
         check: after each frame, raise if anything is not finite.
+        forces: forces of your own, besides those of the model.
+        hooks: what you do between the stages of each substep.
         untangled: try to resolve intersections at the start; what that did is in the attribute of the same name.
         profile: time the stages of each frame; it then runs without graphs, to the same result.
 
@@ -73,21 +77,26 @@ class Simulation:
         check: bool = True,
         profile: bool = False,
         untangled: bool = False,
+        forces: Sequence[UserForce] = (),
+        hooks: Sequence[Hook] = (),
     ):
         self.model = model
         self.integrator = make_integrator(integrator, model, integrator_options)
-        self.forces = Forces(model, force_terms(model, self.integrator, assembly, air), self._world_gravity(gravity))
+        self.forces = Forces(model, force_terms(model, self.integrator, assembly, air), world_gravity(model, gravity))
         passes = model.limits_strain and self.integrator.solves_springs_only
         self._limit_pass = LimitPass(model) if passes else None
         share = self.integrator.contact_share
         self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"), share)
         if self.contact.support is not None:
             self.forces.terms.append(self.contact.support)
+        self.forces.terms += checked_forces(forces)
+        self.hooks = checked_hooks(hooks)
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other, self._before = self.state.twin(), self.state.twin()
         self._time_before = wp.clone(self.state.world_time)
-        self._memory = [*self.integrator.memory(), *self.forces.memory()]
+        hooked = [item for hook in self.hooks for item in hook.memory()]
+        self._memory = [*self.integrator.memory(), *self.forces.memory(), *hooked]
         self._memory_before = [wp.clone(item.array) for item in self._memory]
         self._auto = isinstance(substeps, str)
         self._auto_dt = 0.0
@@ -105,8 +114,8 @@ class Simulation:
         self._graphs: dict[tuple[float, int], wp.Graph] = {}
         self._ran: set[tuple[float, int]] = set()
         self._lookout = Lookout(model, self.integrator, self.contact)
-        self._judged: set[float] = set()
         self.untangled = untangle(model, self.state) if validate.flag(untangled, "untangled") else None
+        self._reset = WorldReset(model, self.state)
         if contact != "none":
             diagnostics.check_start(model, self.state)
         if contact == "all":
@@ -115,8 +124,11 @@ class Simulation:
     def step(self, dt: float) -> None:
         """One frame of dt [s] in ``substeps`` equal steps.
 
+        While the caller captures a graph on the model's device the frame is recorded there, and does not happen before
+        that graph is launched; see :meth:`verify`.
+
         Raises:
-            InputError: dt is not a positive number.
+            InputError: dt is not a positive number, or the frame cannot be recorded.
             SimulationError: automatic substeps would be too many, or the integrator cannot go on.
             DivergedError: (when ``check``) something is no longer finite.
 
@@ -124,10 +136,13 @@ class Simulation:
             StabilityWarning: the given ``substeps`` are too few for the integrator; named are those that would do.
         """
         dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
+        if self.model.device.is_capturing:
+            self._frame(dt, recordable_substeps(self.model, self.integrator, self.substeps))
+            return
         if self._auto:
             self.substeps = self._stable_substeps(dt)
         else:
-            self._warn_if_unstable(dt)
+            self._lookout.warn_if_unstable(self.state, dt, self.substeps)
         if self._grabs is not None:
             self._grabs.begin_frame(self.time, dt, dt / self.substeps)
         self._remember()
@@ -138,6 +153,37 @@ class Simulation:
         self.time += dt
         if self.check:
             self._lookout.look(self._before, self.state, self.time, dt, self.substeps)
+
+    def reset(self, worlds: Any = None) -> None:
+        """Puts worlds back to their start: particles, clock, and what schemes and forces remember.
+
+        Launches kernels only, but for ``check``, which reads the mask. ``time`` goes on, for it is that of no world;
+        without ``worlds`` it goes back to 0, too.
+
+        Args:
+            worlds: which ones: bool, shape [world_count], a Warp array on the model's device or anything like one;
+                None: all.
+
+        Raises:
+            InputError: another shape, dtype or device.
+        """
+        mask = world_mask(worlds, self.model)
+        self._reset.apply(mask, self._memory)
+        if worlds is None:
+            self.integrator.reset()
+            self.time = 0.0
+        if self.check and not self.model.device.is_capturing:
+            self._lookout.rest_since[mask.numpy()] = np.inf
+
+    def verify(self) -> None:
+        """Call it now and then while you replay frames from a graph of your own; it brings ``time`` up to date.
+
+        Raises:
+            SimulationError: contact needed more memory than it had, so pairs were missed.
+            DivergedError: the integrator moved cloth absurdly far.
+        """
+        check_replayed(self.contact)
+        self.time = float(self.state.world_time.numpy().max())
 
     def run(self, frames: int, fps: float = 60.0, on_frame: Callable[["Simulation", int], None] | None = None) -> None:
         """``frames`` frames of 1/fps [s]; ``on_frame(simulation, number)`` after each, numbers from 1."""
@@ -203,24 +249,12 @@ class Simulation:
             other: a simulation with the same options, between two frames.
             worlds: of which worlds of ``other`` this model has the cloths and obstacles, in rising order.
         """
-        world_of = other.model.particle_world.numpy()
-        kept = np.isin(world_of, worlds)
-        for mine, theirs in (
-            (self.state.particle_q, other.state.particle_q),
-            (self.state.particle_qd, other.state.particle_qd),
-        ):
-            mine.assign(theirs.numpy()[kept])
-        self.state.world_time.assign(other.state.world_time.numpy()[list(worlds)])
-        # What a scheme or a force keeps may be in fewer arrays here: the last ones were of other worlds.
-        memories = [
-            (self.integrator.memory(), other.integrator.memory()),
-            (self.forces.memory(), other.forces.memory()),
-        ]
-        for own, memory in (pair for mine, theirs in memories for pair in zip(mine, theirs, strict=False)):
-            rows = slice(None) if memory.particle is None else kept[memory.particle]
-            own.array.assign(memory.array.numpy()[rows])
+        keep = list(worlds)
+        for mine, theirs in ((self.integrator, other.integrator), (self.forces, other.forces)):
+            # What a scheme or a force keeps may be in fewer arrays here: the last ones were of other worlds.
+            take_worlds(self.state, mine.memory(), other.model, other.state, theirs.memory(), keep)
         self.time, self.substeps, self._auto_dt = other.time, other.substeps, other._auto_dt
-        self._lookout.rest_since = other._lookout.rest_since[list(worlds)]
+        self._lookout.rest_since = other._lookout.rest_since[keep]
 
     def _advance(self, dt: float, substeps: int) -> None:
         """A frame, from a graph once the same frame has run before (a first run loads the kernels)."""
@@ -252,15 +286,22 @@ class Simulation:
 
     def _substep(self, now: State, later: State, dt: float) -> None:
         later.forces_current = False
+        for hook in self.hooks:
+            hook.before_step(now, dt)
+            now.forces_current = False
         self.contact.place(now, dt)
         with self.watch.stage("integrate"):
             self.integrator.step(self.model, now, later, self.forces, dt)
             if self._limit_pass is not None:
                 self._limit_pass.apply(later, dt)
+        for hook in self.hooks:
+            hook.after_integration(now, later, dt)
         with self.watch.stage("respond"):
             self.contact.resolve(now, later, dt)
+        for hook in self.hooks:
+            hook.after_step(now, later, dt)
         self.forces.advance(later)
-        later.forces_current &= not self.contact.acts
+        later.forces_current &= not (self.contact.acts or self.hooks)
         wp.launch(
             self.model.kernels.particles.advance_time,
             dim=self.model.world_count,
@@ -293,19 +334,3 @@ class Simulation:
         self._auto_dt = dt
         stable = stability.substeps_for(self.model, self.integrator, dt, MAX_SUBSTEPS)
         return max(stable, self.contact.intervals(dt))
-
-    def _warn_if_unstable(self, dt: float) -> None:
-        """Once for each length of frame."""
-        if dt in self._judged:
-            return
-        self._judged.add(dt)
-        positions = self.state.particle_q.numpy().astype(np.float64)
-        warning = stability.warning_of_unstable_steps(self.model, self.integrator, positions, dt, self.substeps)
-        if warning is not None:
-            warnings.warn(warning, StabilityWarning, stacklevel=3)
-
-    def _world_gravity(self, gravity: Any) -> wp.array:
-        count = self.model.world_count
-        shape = (count, 3) if np.ndim(gravity) == 2 else (3,)
-        values = validate.array(gravity, "gravity", shape)
-        return self.model.array(np.broadcast_to(values, (count, 3)), self.model.vec3)

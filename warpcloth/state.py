@@ -16,7 +16,7 @@ class Memory:
 
     Attributes:
         array: the array, on the device.
-        particle: of each row, a particle of the world that it belongs to, int; None if it belongs to all worlds.
+        particle: of each row, a particle of the world that it belongs to, int; None if there is a row for each world.
     """
 
     array: wp.array

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
+import warp as wp
 
 from .errors import InputError
 
@@ -62,6 +63,26 @@ def array(value: Any, what: str, shape: tuple[int | None, ...], dtype: Any = np.
     if raw.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, raw.shape, strict=True)):
         raise InputError(f"{sentence(what)} must be {_layout(shape, kind)}, got an array of shape {raw.shape}.")
     return _converted(raw, what, dtype)
+
+
+def device_array(value: Any, what: str, dtype: type, shape: tuple[int, ...], device: wp.Device) -> wp.array:
+    """A contiguous Warp array, taken as it is."""
+    name = sentence(what)
+    if not isinstance(value, wp.array):
+        raise InputError(f"{name} must be a warp.array, got {type(value).__name__}.")
+    if value.device != device:
+        raise InputError(f"{name} must be on device {device}, got an array on {value.device}.")
+    if not wp.types.types_equal(value.dtype, dtype):
+        raise InputError(f"{name} must be of dtype {_type_name(dtype)}, got {_type_name(value.dtype)}.")
+    if value.shape != shape:
+        raise InputError(f"{name} must have shape {shape}, got {value.shape}.")
+    if not value.is_contiguous:
+        raise InputError(f"{name} must be contiguous, got strides {value.strides}.")
+    return value
+
+
+def _type_name(dtype: type) -> str:
+    return str(wp.types.type_repr(dtype)).rpartition(".")[2]
 
 
 def vector(value: Any, what: str) -> np.ndarray:

@@ -7,8 +7,9 @@ from .grabs import Grabs
 from .pressure import Pressure
 from .springs import ASSEMBLIES, Springs
 from .strain_limit import StrainLimit
+from .user import AppliedForce, UserForce
 
 __all__ = [
-    "ASSEMBLIES", "AirDrag", "Bending", "ForceTerm", "Forces", "Grabs", "Hessian", "Linearization", "Pressure",
-    "Springs", "StrainLimit",
+    "ASSEMBLIES", "AirDrag", "AppliedForce", "Bending", "ForceTerm", "Forces", "Grabs", "Hessian", "Linearization",
+    "Pressure", "Springs", "StrainLimit", "UserForce",
 ]  # fmt: skip

@@ -14,8 +14,8 @@ from .implicit import ImplicitScheme, Stage
 class Bdf2(ImplicitScheme):
     """y′ = (4 y − y₋₁ + 2 dt ẏ′)/3 for positions and velocities.
 
-    The state before is remembered on the device, together with the step: a first step, and one of another size than the
-    last, start afresh. Between steps contact may change the state: the remembered one is changed with it.
+    The state before is remembered on the device, with the step of each world: a first step, and one of another size
+    than the last, start afresh. Between steps contact may change the state: the remembered one is changed with it.
     """
 
     name = "bdf2"
@@ -42,7 +42,7 @@ class Bdf2(ImplicitScheme):
             cg_iterations=cg_iterations,
         )
         self._past, self._end = State.of(model), State.of(model)
-        self._past_dt = wp.zeros(1, dtype=wp.float64, device=model.device)
+        self._past_dt = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
@@ -67,7 +67,7 @@ class Bdf2(ImplicitScheme):
             model.kernels.implicit_schemes.recall,
             dim=model.particle_count,
             inputs=[
-                model.particle_inv_mass, state.particle_q, state.particle_qd, state.particle_f,
+                model.particle_inv_mass, model.particle_world, state.particle_q, state.particle_qd, state.particle_f,
                 self._end.particle_q, self._end.particle_qd, self._past_dt, dt,
             ],
             outputs=[self._past.particle_q, self._past.particle_qd],
@@ -79,7 +79,10 @@ class Bdf2(ImplicitScheme):
         wp.launch(
             model.kernels.implicit_schemes.remember,
             dim=model.particle_count,
-            inputs=[state_in.particle_q, state_in.particle_qd, state_out.particle_q, state_out.particle_qd, dt],
+            inputs=[
+                model.particle_world, state_in.particle_q, state_in.particle_qd, state_out.particle_q,
+                state_out.particle_qd, dt,
+            ],
             outputs=[past.particle_q, past.particle_qd, end.particle_q, end.particle_qd, self._past_dt],
             device=model.device,
-        )
+        )  # fmt: skip

@@ -1,0 +1,172 @@
+"""Forces, kernels and obstacles of the caller's own, and frames in graphs of the caller's own."""
+
+import numpy as np
+import pytest
+import warp as wp
+from embedding_kernels import Lowest, Pull, Slope, track_lowest
+from integrator_problems import NAMES
+
+import warpcloth as wc
+from warpcloth.errors import InputError
+from warpcloth.integrators import INTEGRATORS
+
+SOFT = wc.Fabric(stretch_stiffness=20.0, shear_stiffness=5.0, damping_time=1e-3, friction=0.3)
+FRAME = 1.0 / 60.0
+CAPTURABLE = [name for name in NAMES if INTEGRATORS[name].capturable]
+
+
+def model(height: float = 0.02, **options) -> wc.Model:
+    cloth = wc.Cloth.grid((0.2, 0.2), (6, 6), SOFT, pins="left", transform=(0.0, 0.0, height))
+    return wc.Model.build([cloth], [wc.Sphere((0.05, 0.0, -0.1), 0.1)], device="cpu", **options)
+
+
+def embedded(m: wc.Model, name: str = "symplectic_euler", **options) -> wc.Simulation:
+    own = {"forces": [Pull(m, (0.1, 0.0, -0.2), 0.01)], "hooks": [Slope(m, (0, 0, -0.03), (0.1, 0, 1), 0.2), Lowest(m)]}
+    return wc.Simulation(m, name, substeps=20, **own, **options)
+
+
+def phase(sim: wc.Simulation) -> np.ndarray:
+    return np.hstack([sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()])
+
+
+def test_an_applied_force_acts_like_gravity():
+    m = model()
+    weight = np.outer(m.particle_mass.numpy(), (0.0, 0.0, -9.81)).astype(np.float32)
+    force = wc.AppliedForce(m, wp.array(weight, dtype=wp.vec3, device="cpu"))
+    pushed, fallen = (
+        wc.Simulation(m, substeps=20, gravity=g, forces=f) for g, f in [((0, 0, 0), [force]), ((0, 0, -9.81), [])]
+    )
+    for sim in (pushed, fallen):
+        sim.run(5)
+    assert np.abs(fallen.state.particle_q.numpy() - m.particle_q.numpy()).max() > 0.01
+    np.testing.assert_allclose(phase(pushed), phase(fallen), rtol=0, atol=2e-5)  # sums are rounded in another order
+    force.force.zero_()  # seen by the captured frame
+    before = pushed.state.particle_qd.numpy()[:, 2].mean()
+    pushed.run(1)
+    fallen.run(1)
+    assert pushed.state.particle_qd.numpy()[:, 2].mean() > fallen.state.particle_qd.numpy()[:, 2].mean()
+    assert before < 0.0
+
+
+@pytest.mark.parametrize("name", CAPTURABLE)
+def test_a_frame_in_the_callers_graph_is_the_frame(name):
+    """Together with kernels of the caller's before and after it; bitwise."""
+    plain = embedded(model(), name, graph=False, contact="all")
+    caught = embedded(model(), name, contact="all", check=False)
+    seen = [wp.full(36, 1e9, dtype=float, device="cpu") for _ in range(2)]
+    for sim, lowest in ((plain, seen[0]), (caught, seen[1])):
+        sim.step(FRAME)
+        wp.launch(track_lowest, 36, [sim.state.particle_q], [lowest], device="cpu")
+    with wp.ScopedCapture(device="cpu") as capture:
+        caught.step(FRAME)
+        wp.launch(track_lowest, 36, [caught.state.particle_q], [seen[1]], device="cpu")
+    for _ in range(4):
+        plain.step(FRAME)
+        wp.launch(track_lowest, 36, [plain.state.particle_q], [seen[0]], device="cpu")
+        wp.capture_launch(capture.graph)
+    assert caught.time == pytest.approx(FRAME)
+    caught.verify()
+    assert caught.time == pytest.approx(plain.time)
+    np.testing.assert_array_equal(phase(caught), phase(plain))
+    np.testing.assert_array_equal(seen[1].numpy(), seen[0].numpy())
+    np.testing.assert_array_equal(caught.hooks[1].lowest.numpy(), plain.hooks[1].lowest.numpy())
+    assert seen[0].numpy().min() < 0.0
+
+
+def test_the_simulations_own_graph_has_forces_and_hooks_in_it():
+    plain, graph = embedded(model(), graph=False), embedded(model())
+    for sim in (plain, graph):
+        sim.run(5)
+    assert graph._graphs
+    np.testing.assert_array_equal(phase(graph), phase(plain))
+
+
+def no_host(monkeypatch) -> None:
+    def refuse(*arguments, **options):
+        raise AssertionError("a step read something back to the host")
+
+    for method in ("numpy", "list", "__array__", "__dlpack__", "__getitem__"):
+        monkeypatch.setattr(wp.array, method, refuse)
+    for function in ("synchronize", "synchronize_device", "synchronize_stream", "synchronize_event"):
+        monkeypatch.setattr(wp, function, refuse)
+
+
+@pytest.mark.parametrize("graph", [False, True])
+@pytest.mark.parametrize("name", CAPTURABLE)
+def test_a_step_does_not_look_back_to_the_host(name, graph, monkeypatch):
+    sim = embedded(model(), name, check=False, graph=graph)
+    sim.step(FRAME)
+    with monkeypatch.context() as patch:
+        no_host(patch)
+        sim.step(FRAME)
+        sim.step(FRAME)
+    with wp.ScopedCapture(device="cpu"), monkeypatch.context() as patch:
+        no_host(patch)
+        sim.step(FRAME)
+
+
+def test_the_test_for_round_trips_can_fail(monkeypatch):
+    sim = embedded(model(), check=True)
+    sim.step(FRAME)
+    no_host(monkeypatch)
+    with pytest.raises(AssertionError, match="read something back"):
+        sim.step(FRAME)
+
+
+def test_an_obstacle_of_the_callers_own_acts_like_a_built_in_one():
+    """Sliding down 30° with friction: s = ½ g (sin θ − μ cos θ) t²."""
+    normal = (0.5, 0.0, np.sqrt(0.75))
+    cloth = wc.Cloth.grid((0.1, 0.1), (4, 4), SOFT, transform=_on_slope(30.0, 0.5 * SOFT.thickness))
+    bare = wc.Model.build([cloth], device="cpu")
+    own = wc.Simulation(bare, "xpbd", substeps=20, hooks=[Slope(bare, (0, 0, 0), normal, 0.3)])
+    own.run(30)
+    moved = own.state.particle_q.numpy() - bare.particle_q.numpy()
+    along = moved @ np.array([np.sqrt(0.75), 0.0, -0.5])
+    assert along.mean() == pytest.approx(0.294536, rel=5e-3)
+    assert np.abs(moved @ np.array(normal)).max() < 1e-5
+
+
+def _on_slope(angle: float, height: float) -> np.ndarray:
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    turn = np.eye(4)
+    turn[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+    turn[:3, 3] = height * turn[:3, 2]
+    return turn
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"hooks": [3]}, r"hooks\[0\] must be a warpcloth.Hook, got int."),
+        ({"hooks": Lowest}, "Hooks must be a list of warpcloth.Hook, got type."),
+        ({"forces": [Lowest]}, r"forces\[0\] must be a warpcloth.UserForce, got type."),
+        ({"forces": 1}, "Forces must be a list of warpcloth.UserForce, got int."),
+    ],
+)
+def test_what_is_no_hook_is_refused(options, sentence):
+    with pytest.raises(InputError, match=f"^{sentence}$"):
+        wc.Simulation(model(), **options)
+
+
+@pytest.mark.parametrize(
+    ("array", "sentence"),
+    [
+        (np.zeros((36, 3)), "Force must be a warp.array, got ndarray."),
+        (wp.zeros(35, dtype=wp.vec3, device="cpu"), r"Force must have shape \(36,\), got \(35,\)."),
+        (wp.zeros(36, dtype=wp.vec3d, device="cpu"), "Force must be of dtype vec3f, got vec3d."),
+        (wp.zeros((36, 2), dtype=wp.vec3, device="cpu")[:, 0], r"Force must be contiguous, got strides \(24,\)."),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(array, sentence):
+    with pytest.raises(InputError, match=f"^{sentence}$"):
+        wc.AppliedForce(model(), array)
+
+
+def test_what_cannot_be_recorded_says_why():
+    for options, sentence in [
+        ({"integrator": "dormand_prince", "substeps": 2}, "dormand_prince chooses its steps on the host"),
+        ({"substeps": "auto"}, 'substeps="auto" is not known yet'),
+    ]:
+        sim = wc.Simulation(model(), check=False, **options)
+        with pytest.raises(InputError, match=sentence), wp.ScopedCapture(device="cpu"):
+            sim.step(FRAME)

@@ -1,0 +1,89 @@
+"""Forces of the caller's own."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import warp as wp
+
+from .. import validate
+from ..errors import InputError
+from ..model import Model
+from ..state import State
+from .base import ForceTerm, Linearization
+
+
+class UserForce:
+    """A force of your own: a subclass needs :meth:`accumulate`, and is given as ``Simulation(model, forces=[…])``.
+
+    Frames are captured as graphs and replayed: launch kernels only, the same ones every time, without allocating or
+    reading anything back. Automatic substeps do not know how stiff the force is. Implicit schemes converge without
+    derivatives, slowly if the force is stiff; :meth:`hessian_product` and :meth:`hessian_diagonal` speed them up.
+
+    Attributes:
+        name: of its energy in ``Simulation.energy()``.
+        velocity_dependent: whether it depends on velocities, so that schemes must predict these.
+    """
+
+    name = "user"
+    velocity_dependent = False
+
+    def accumulate(self, state: State, time_offset: float) -> None:
+        """Adds the force [N] at ``state``, whose time is the worlds' time + ``time_offset`` [s], to ``particle_f``."""
+        raise NotImplementedError
+
+    def energy(self, state: State) -> dict[str, float]:
+        """Potential energies [J] by name, summed over all worlds; empty for a force without potential."""
+        return {}
+
+    def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
+        """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
+
+    def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
+        """Adds the diagonal blocks of a K + b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
+
+
+class AppliedForce(UserForce):
+    """A force on every particle that the caller writes between frames, or with kernels of their own.
+
+    Args:
+        model: the model.
+        force: [N], vec3 of the model's precision, shape [particle_count], on the model's device; None: zeros.
+
+    Raises:
+        InputError: the array is not like that.
+
+    Attributes:
+        force: the array, read in every evaluation; write to it, but do not replace it.
+    """
+
+    name = "applied"
+
+    def __init__(self, model: Model, force: wp.array | None = None):
+        self.model = model
+        if force is None:
+            force = wp.zeros(model.particle_count, dtype=model.vec3, device=model.device)
+        self.force = validate.device_array(force, "force", model.vec3, (model.particle_count,), model.device)
+
+    def accumulate(self, state: State, time_offset: float) -> None:
+        """Adds the forces to ``state.particle_f``."""
+        wp.launch(
+            self.model.kernels.particles.add_force,
+            dim=self.model.particle_count,
+            inputs=[self.force],
+            outputs=[state.particle_f],
+            device=self.model.device,
+        )
+
+
+def checked_forces(forces: Any) -> list[ForceTerm]:
+    """The caller's forces as a list.
+
+    Raises:
+        InputError: one of them is none.
+    """
+    if not isinstance(forces, Sequence):
+        raise InputError(f"Forces must be a list of warpcloth.UserForce, got {type(forces).__name__}.")
+    for k, force in enumerate(forces):
+        if not isinstance(force, UserForce):
+            raise InputError(f"forces[{k}] must be a warpcloth.UserForce, got {type(force).__name__}.")
+    return list(forces)
