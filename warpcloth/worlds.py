@@ -12,8 +12,41 @@ from .model import Model
 from .state import Memory, State
 
 
+class WorldRows:
+    """Rows of arrays that belong to worlds of a model, put back or cleared for the worlds in a mask.
+
+    A mask is bool, shape [world_count], on the model's device. Launches kernels only, but allocates when
+    :meth:`clear` is called first.
+    """
+
+    def __init__(self, model: Model):
+        self.model = model
+        self._memory: list[tuple[wp.array, wp.array]] | None = None
+
+    def restore(self, mask: wp.array, start: wp.array, now: wp.array) -> None:
+        """Rows of ``now``, one for each particle, become those of ``start``."""
+        self._launch("copy_rows", [mask, self.model.particle_world, words(start)], words(now))
+
+    def clear(self, mask: wp.array, memory: Sequence[Memory]) -> None:
+        """Rows of what is remembered become zero; it must be the same at every call."""
+        if self._memory is None:
+            self._memory = [(item.array, self._world_of(item)) for item in memory if len(item.array)]
+        for array, worlds in self._memory:
+            self._launch("clear_rows", [mask, worlds], words(array))
+
+    def _world_of(self, item: Memory) -> wp.array:
+        model = self.model
+        worlds = np.arange(model.world_count) if item.particle is None else model.particle_world.numpy()[item.particle]
+        return model.array(worlds, wp.int32)
+
+    def _launch(self, kernel: str, inputs: list[wp.array], out: wp.array) -> None:
+        model = self.model
+        kernels = model.kernels.world_rows
+        wp.launch(getattr(kernels, kernel), dim=out.shape, inputs=inputs, outputs=[out], device=model.device)
+
+
 class WorldReset:
-    """The start of every world, and how to get back there.
+    """The start of every world of a simulation, and the way back there.
 
     Args:
         model: the model.
@@ -21,34 +54,15 @@ class WorldReset:
     """
 
     def __init__(self, model: Model, state: State):
-        self.model = model
+        self._rows = WorldRows(model)
         self._start = [(wp.clone(array), array) for array in (state.particle_q, state.particle_qd)]
-        self._clock = state.world_time
-        self._rows: list[tuple[wp.array, wp.array]] | None = None
+        self._clock = Memory(state.world_time, None)
 
     def apply(self, mask: wp.array, memory: Sequence[Memory]) -> None:
-        """Resets the worlds in ``mask``, and what is remembered of them; allocates when called first only.
-
-        Args:
-            mask: bool, shape [world_count], on the model's device.
-            memory: all that the next step depends on besides the state; the same at every call.
-        """
-        kernels, world = self.model.kernels.world_rows, self.model.particle_world
-        if self._rows is None:
-            self._rows = [self._rows_of(item) for item in [*memory, Memory(self._clock, None)] if len(item.array)]
+        """Resets the worlds in ``mask``, and all that is remembered of them, the same at every call."""
         for start, now in self._start:
-            self._launch(kernels.copy_rows, [mask, world, words(start)], words(now))
-        for array, worlds in self._rows:
-            self._launch(kernels.clear_rows, [mask, worlds], words(array))
-
-    def _rows_of(self, item: Memory) -> tuple[wp.array, wp.array]:
-        """An array and the world of each of its rows."""
-        if item.particle is None:
-            return item.array, self.model.array(np.arange(self.model.world_count), wp.int32)
-        return item.array, self.model.array(self.model.particle_world.numpy()[item.particle], wp.int32)
-
-    def _launch(self, kernel: wp.Kernel, inputs: list[wp.array], out: wp.array) -> None:
-        wp.launch(kernel, dim=out.shape, inputs=inputs, outputs=[out], device=self.model.device)
+            self._rows.restore(mask, start, now)
+        self._rows.clear(mask, [*memory, self._clock])
 
 
 def take_worlds(

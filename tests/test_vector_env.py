@@ -1,0 +1,112 @@
+"""Many worlds as one environment: actions, resets, arrays of other libraries."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+import warpcloth as wc
+from warpcloth import diagnostics
+from warpcloth.errors import InputError
+from warpcloth.interop import VectorEnv
+
+FABRIC = wc.Fabric(stretch_stiffness=50.0, shear_stiffness=10.0, damping_time=2e-3)
+
+
+def towel(n: int = 5, height: float = 0.5) -> wc.Cloth:
+    return wc.Cloth.grid((0.2, 0.2), (n, n), FABRIC, pins=["top_left", "top_right"], transform=(0, 0, height))
+
+
+def env(worlds: int = 3, **options) -> VectorEnv:
+    return VectorEnv([towel()], [wc.Plane()], worlds=worlds, integrator="xpbd", substeps=10, device="cpu", **options)
+
+
+def actions(worlds: int) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-0.3, 0.3, (worlds, 2, 3))
+
+
+def test_handles_go_where_actions_lead_them():
+    e, a = env(), actions(3)
+    held = [4 * 5, 4 * 5 + 4]
+    start = np.from_dlpack(e.positions)[:, held].copy()
+    for _ in range(6):
+        e.step(a)
+    np.testing.assert_allclose(np.from_dlpack(e.positions)[:, held], start + 0.1 * a, atol=2e-6)  # 60 roundings
+    np.testing.assert_allclose(np.from_dlpack(e.velocities)[:, held], a, atol=1e-7)
+    strain = diagnostics.spring_strain(e.simulation.model, e.simulation.state)
+    assert np.abs(strain).max() < 0.2  # the cloth came along
+
+
+def test_a_world_is_what_it_would_be_alone():
+    many, a = env(3), actions(3)
+    for _ in range(4):
+        many.step(a)
+    for world in range(3):
+        alone = env(1)
+        for _ in range(4):
+            alone.step(a[world : world + 1])
+        np.testing.assert_array_equal(alone.positions.numpy()[0], many.positions.numpy()[world])
+
+
+def test_masked_resets_begin_anew_and_leave_the_rest():
+    e, fresh, a = env(), env(), actions(3)
+    for _ in range(3):
+        e.step(a)
+    e.reset(np.array([False, True, False]))
+    np.testing.assert_allclose(e.times.numpy(), [0.05, 0.0, 0.05])
+    for _ in range(2):
+        e.step(a)
+        fresh.step(a)
+    np.testing.assert_array_equal(e.positions.numpy()[1], fresh.positions.numpy()[1])
+    assert np.abs(e.positions.numpy()[0] - fresh.positions.numpy()[0]).max() > 1e-3
+
+
+def test_handles_may_be_groups():
+    e = env(1, handles=[[20, 24]])
+    e.step(np.array([[[0.0, 0.0, 0.6]]]))
+    np.testing.assert_allclose(e.positions.numpy()[0, [20, 24], 2], 0.51, atol=1e-6)
+
+
+def test_worlds_may_differ():
+    e = VectorEnv(lambda w: ([towel(height=0.1 + 0.2 * w)], [wc.Plane()]), worlds=3, device="cpu")
+    np.testing.assert_allclose(e.positions.numpy()[:, 0, 2], [0.1, 0.3, 0.5])
+    e.step()
+
+
+def test_actions_of_any_library_are_the_same_actions():
+    a = actions(3).astype(np.float32)
+    given = [a, a.astype(np.float64), wp.array(a, dtype=wp.vec3, device="cpu"), wp.array(a, dtype=float, device="cpu")]
+    results = []
+    for kind in given:
+        e = env()
+        e.step(kind)
+        results.append(e.positions.numpy())
+    for result in results[1:]:
+        np.testing.assert_array_equal(result, results[0])
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (np.zeros((3, 3)), "Actions must be 3 × 2 × 3 numbers, got an array of shape (3, 3)."),
+        (wp.zeros((3, 1), dtype=wp.vec3, device="cpu"), "Actions must have shape (3, 2), got (3, 1)."),
+        (wp.zeros((3, 2), dtype=wp.vec3d, device="cpu"), "Actions must be of dtype vec3f, got vec3d."),
+    ],
+)
+def test_actions_that_do_not_fit_are_refused(given, sentence):
+    with pytest.raises(InputError) as error:
+        env().step(given)
+    assert str(error.value) == sentence
+
+
+def test_worlds_that_do_not_match_are_refused():
+    with pytest.raises(InputError, match="as many particles as world 0, 25, got 36 in world 1"):
+        VectorEnv(lambda w: ([towel(5 + w)], []), worlds=2, device="cpu")
+    bare = wc.Cloth.grid((0.2, 0.2), (5, 5), FABRIC)
+    with pytest.raises(
+        InputError, match=r"^handles\[1\] must name still pins, got particle 24, which is none in world 1\.$"
+    ):
+        VectorEnv(lambda w: ([towel(), bare][w : w + 1], []), worlds=2, handles=[[], [24]], device="cpu")
+    with pytest.raises(InputError, match=r"^handles\[0\] must name particles from 0 to 24, got 25\.$"):
+        env(handles=[[25]])
+    with pytest.raises(InputError, match="Worlds must be a whole number from 1 to 1000000, got 0"):
+        env(0)

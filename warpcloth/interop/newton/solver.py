@@ -1,0 +1,203 @@
+"""A Newton solver for particles and springs, with any of our integrators."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import newton
+import warp as wp
+from newton import ModelFlags, StateFlags
+
+from ... import stability, validate
+from ...contact import ContactPlanes
+from ...errors import InputError
+from ...forces import AppliedForce, Forces, Springs
+from ...integrators import make_integrator
+from ...state import Memory, State
+from ...worlds import WorldRows
+from .network import Network
+
+MAX_SUBSTEPS = 100_000
+
+
+class SolverMassSpring(newton.solvers.SolverBase):
+    """Steps the particles and springs of a Newton model, in Newton's own arrays.
+
+    ``state_in.particle_f`` acts on the particles, and is left as it is. Gravity of each world, particle flags and the
+    soft contacts of ``contacts`` are read anew in each step; contacts do not let particles in and have Coulomb friction
+    that holds what should stick, with the mean of both coefficients, whatever Newton's stiffness of contacts is.
+    Particles without mass go on at their velocity.
+
+    Not simulated: triangles, edges and tetrahedra (only springs hold particles together), contacts of edges and faces,
+    contact among particles, ``particle_max_velocity``. Bodies and joints are left where they are: they move cloth but
+    are not moved by it.
+
+    Args:
+        model: the Newton model.
+        integrator: name of the scheme, see ``warpcloth.integrators()``.
+        integrator_options: its keyword options.
+        substeps: steps of the integrator in each :meth:`step`; contacts and ``particle_f`` are the same in all of them.
+        assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
+
+    Raises:
+        InputError: a model without particles, springs that cannot be, unknown names, numbers out of range.
+    """
+
+    def __init__(
+        self,
+        model: newton.Model,
+        integrator: str = "symplectic_euler",
+        *,
+        integrator_options: Mapping[str, Any] | None = None,
+        substeps: int = 1,
+        assembly: str = "scatter",
+    ):
+        if not isinstance(model, newton.Model):
+            raise InputError(f"Model must be a newton.Model, got {type(model).__name__}.")
+        super().__init__(model=model)
+        self.network = network = Network(model)
+        self.substeps = validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
+        self._scheme = (integrator, integrator_options)
+        self._make_integrator()
+        self._applied = AppliedForce(network)
+        self.forces = Forces(network, [Springs(network, assembly), self._applied], model.gravity)
+        start = State.of(network)
+        self.world_time = start.world_time
+        self._force, self._scratch = start.particle_f, [start.twin(), start.twin()]
+        self._planes: ContactPlanes | None = None
+
+    def step(
+        self,
+        state_in: newton.State,
+        state_out: newton.State,
+        control: newton.Control | None,
+        contacts: newton.Contacts | None,
+        dt: float,
+        *,
+        observables: newton.solvers.SolverBase.Observables | None = None,
+    ) -> None:
+        """One step of dt [s] from ``state_in`` to ``state_out``, which must be two; ``control`` has no effect.
+
+        Launches kernels only (unless the scheme is adaptive), once there have been contacts of that size before.
+
+        Raises:
+            InputError: dt is not a positive number, or arrays of the states do not fit the model.
+        """
+        self.validate_observables(observables, contacts)
+        dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
+        now, end = self._particles(state_in, "state_in"), self._particles(state_out, "state_out")
+        if now.particle_q.ptr == end.particle_q.ptr:
+            raise InputError("state_in and state_out must be two states, got one and the same.")
+        self._applied.force = self._array(state_in.particle_f, "state_in.particle_f")
+        self.network.refresh_flags()
+        planes = None if contacts is None else self._listed(state_in, contacts)
+        h = dt / self.substeps
+        for k in range(self.substeps):
+            later = end if k + 1 == self.substeps else self._scratch[k % 2]
+            self._substep(now, later, h, planes, k * h)
+            now = later
+        _pass_bodies(state_in, state_out)
+
+    def reset(
+        self,
+        state: newton.State,
+        world_mask: wp.array | None = None,
+        flags: StateFlags | int | None = None,
+    ) -> None:
+        """Puts particles of ``state`` back to those of the model, and forgets what the scheme remembers of them.
+
+        Args:
+            state: the state, changed in place.
+            world_mask: which worlds, bool, shape [world_count + 1], the last for particles of no world; None: all.
+            flags: which of ``PARTICLE_Q`` and ``PARTICLE_QD`` to put back; None: both. Memory is forgotten regardless.
+
+        Raises:
+            InputError: the mask has another shape, dtype or device.
+        """
+        count, network = self.model.world_count + 1, self.network
+        if world_mask is None:
+            world_mask = wp.ones(count, dtype=wp.bool, device=network.device)
+        mask = validate.device_array(world_mask, "world_mask", wp.bool, (count,), network.device)
+        wanted = StateFlags.ALL if flags is None else StateFlags(flags)
+        mask = network.local_mask(mask)
+        for flag, start, now in (
+            (StateFlags.PARTICLE_Q, network.particle_q, state.particle_q),
+            (StateFlags.PARTICLE_QD, network.particle_qd, state.particle_qd),
+        ):
+            if wanted & flag:
+                self._rows.restore(mask, start, now)
+        self._rows.clear(mask, [*self.integrator.memory(), Memory(self.world_time, None)])
+
+    def notify_model_changed(self, flags: ModelFlags | int) -> None:
+        """With ``MODEL_PROPERTIES``, springs are read anew; masses, flags, gravity and contacts always are."""
+        if flags & ModelFlags.MODEL_PROPERTIES:
+            self.network.refresh()
+            self._make_integrator()
+
+    def stable_step(self) -> float:
+        """Largest step [s] that the integrator can safely take, whatever the springs' directions; maybe infinite."""
+        return stability.largest_stable_step(self.network, self.integrator)
+
+    def _make_integrator(self) -> None:
+        name, options = self._scheme
+        self.integrator = make_integrator(name, self.network, options)
+        self._rows = WorldRows(self.network)
+
+    def _substep(self, now: State, later: State, h: float, planes: ContactPlanes | None, elapsed: float) -> None:
+        network, source = self.network, self.model
+        now.forces_current = False
+        self.integrator.step(network, now, later, self.forces, h)
+        wp.launch(
+            network.kernels.newton_particles.carry_kinematic,
+            dim=network.particle_count,
+            inputs=[source.particle_flags, source.particle_inv_mass, now.particle_q, now.particle_qd, h],
+            outputs=[later.particle_q, later.particle_qd],
+            device=network.device,
+        )
+        if planes is not None:
+            planes.respond(now, later, h, elapsed)
+        wp.launch(
+            network.kernels.particles.advance_time,
+            dim=network.world_count,
+            inputs=[h],
+            outputs=[self.world_time],
+            device=network.device,
+        )
+
+    def _particles(self, state: newton.State, what: str) -> State:
+        """The state's own arrays, with our force and clock."""
+        q = self._array(state.particle_q, f"{what}.particle_q")
+        return State(q, self._array(state.particle_qd, f"{what}.particle_qd"), self._force, self.world_time)
+
+    def _array(self, array: wp.array, what: str) -> wp.array:
+        return validate.device_array(array, what, wp.vec3, (self.network.particle_count,), self.network.device)
+
+    def _listed(self, state: newton.State, contacts: newton.Contacts) -> ContactPlanes | None:
+        """Newton's contacts of particles as planes; None where there can be none."""
+        source, network = self.model, self.network
+        if contacts.soft_contact_max == 0 or source.shape_count == 0:
+            return None
+        if self._planes is None or self._planes.capacity != contacts.soft_contact_max:
+            self._planes = ContactPlanes(network, contacts.soft_contact_max)
+        wp.launch(
+            network.kernels.newton_particles.planes_of_contacts,
+            dim=contacts.soft_contact_max,
+            inputs=[
+                source.body_com, source.shape_body, source.shape_material_mu, source.soft_contact_mu, state.body_q,
+                state.body_qd, contacts.soft_contact_count, contacts.soft_contact_particle,
+                contacts.soft_contact_shape, contacts.soft_contact_body_pos, contacts.soft_contact_body_vel,
+                contacts.soft_contact_normal,
+            ],
+            outputs=[self._planes.planes],
+            device=network.device,
+        )  # fmt: skip
+        wp.copy(self._planes.count, contacts.soft_contact_count)
+        self._planes.list_all()
+        return self._planes
+
+
+def _pass_bodies(state_in: newton.State, state_out: newton.State) -> None:
+    """Bodies and joints end where they began."""
+    for name in ("body_q", "body_qd", "joint_q", "joint_qd"):
+        start, end = getattr(state_in, name), getattr(state_out, name)
+        if start is not None and end is not None and start.ptr != end.ptr:
+            wp.copy(end, start)
