@@ -1,4 +1,4 @@
-"""``warpcloth bench``: measurements that compare schemes, and contact under stress."""
+"""``warpcloth bench``: measurements that compare schemes, contact under stress, throughput of many worlds."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,22 +9,26 @@ from .. import validate
 from ..errors import InputError
 from .bench_contact import bench_contact
 from .bench_integrators import bench_integrators
+from .bench_worlds import bench_worlds
 from .report import Report
 
-BENCHMARKS = ("integrators", "contact")
-# Options that only one of the benchmarks has.
-ONLY = {
-    "integrators": ("problems", "quick", "no_plots"),
-    "contact": ("count", "seed", "resolution", "resume"),
+BENCHMARKS = ("integrators", "contact", "worlds")
+# Which of the benchmarks have an option that not all have.
+HAVE = {
+    **dict.fromkeys(("problems", "quick", "no_plots"), ("integrators",)),
+    **dict.fromkeys(("count", "seed", "resume"), ("contact",)),
+    **dict.fromkeys(("scene", "frames"), ("integrators", "contact")),
+    "resolution": ("contact", "worlds"),
+    "worlds": ("worlds",),
 }
 
-What = Annotated[str, typer.Argument(metavar="WHAT", help="What to measure: integrators or contact.")]
+What = Annotated[str, typer.Argument(metavar="WHAT", help="What to measure: integrators, contact or worlds.")]
 Schemes = Annotated[
     str | None,
     typer.Option(
         "--integrators",
         metavar="A,B,…",
-        help="Only these (see `integrators`).  [default: all; contact: those of the scenes]",
+        help="Only these (see `integrators`).  [default: all; contact: those of the scenes; worlds: two]",
     ),
 ]
 Problems = Annotated[
@@ -39,12 +43,18 @@ Quick = Annotated[bool, typer.Option("--quick", help="Half a minute instead of m
 Count = Annotated[str | None, typer.Option(metavar="N", help="contact: how many random scenes.  [default: 20]")]
 Seed = Annotated[str | None, typer.Option(metavar="N", help="contact: seed of the first random scene.  [default: 0]")]
 Resolution = Annotated[
-    str | None, typer.Option(metavar="N", help="contact: N² vertices in each cloth.  [default: the scene's]")
+    str | None,
+    typer.Option(metavar="N", help="contact, worlds: N² vertices in each cloth.  [default: the scene's; worlds: 16]"),
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="contact: leave out what DIR/results.json has already.")]
+Worlds = Annotated[
+    str | None, typer.Option(metavar="N,N,…", help="worlds: how many at once.  [default: 1,4,16,64,256]")
+]
 Budget = Annotated[
     float | None,
-    typer.Option(metavar="SECONDS", help="Time for the runs of one scheme on one problem; contact: for one scene."),
+    typer.Option(
+        metavar="SECONDS", help="Time for one scheme on one problem; contact: for one scene; worlds: for one number."
+    ),
 ]
 Output = Annotated[
     Path | None,
@@ -64,20 +74,24 @@ def command(
     seed: Seed = None,
     resolution: Resolution = None,
     resume: Resume = False,
+    worlds: Worlds = None,
     budget: Budget = None,
     output: Output = None,
     no_plots: NoPlots = False,
 ) -> Report:
-    """Compare the integrators: accuracy, cost, energy, stability. Or put contact under stress, every frame checked."""
+    """Compare the integrators: accuracy, cost, energy, stability. Or stress contact. Or time many worlds."""
     given: dict[str, Any] = {
         "problems": problems, "quick": quick, "no_plots": no_plots,
         "count": count, "seed": seed, "resolution": resolution, "resume": resume,
+        "scene": scene, "frames": frames, "worlds": worlds,
     }  # fmt: skip
     validate.choice(what, BENCHMARKS, "what to measure")
     _check_options(what, given)
     folder = Path(f"bench_{what}") if output is None else output
     if what == "contact":
         return bench_contact(schemes, scene, frames, count, seed, resolution, budget, resume, folder)
+    if what == "worlds":
+        return bench_worlds(schemes, worlds, resolution, budget, folder)
     return bench_integrators(schemes, problems, scene, frames, quick, budget, folder, no_plots)
 
 
@@ -87,7 +101,7 @@ def _check_options(what: str, given: dict[str, Any]) -> None:
     Raises:
         InputError: one of them is given.
     """
-    for other, options in ONLY.items():
-        for name in options:
-            if other != what and given[name] not in (None, False):
-                raise InputError(f"--{name.replace('_', '-')} is an option of `bench {other}`, not of `bench {what}`.")
+    for name, owners in HAVE.items():
+        if what not in owners and given[name] not in (None, False):
+            option, have = f"--{name.replace('_', '-')}", " and ".join(f"`bench {owner}`" for owner in owners)
+            raise InputError(f"{option} is an option of {have}, not of `bench {what}`.")
