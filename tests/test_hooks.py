@@ -7,7 +7,8 @@ from embedding_kernels import Lowest, Pull, Slope, track_lowest
 from integrator_problems import NAMES
 
 import warpcloth as wc
-from warpcloth.errors import InputError
+from warpcloth.contact.pair_list import PairList
+from warpcloth.errors import InputError, SimulationError
 from warpcloth.integrators import INTEGRATORS
 
 SOFT = wc.Fabric(stretch_stiffness=20.0, shear_stiffness=5.0, damping_time=1e-3, friction=0.3)
@@ -71,6 +72,31 @@ def test_a_frame_in_the_callers_graph_is_the_frame(name):
     np.testing.assert_array_equal(seen[1].numpy(), seen[0].numpy())
     np.testing.assert_array_equal(caught.hooks[1].lowest.numpy(), plain.hooks[1].lowest.numpy())
     assert seen[0].numpy().min() < 0.0
+
+
+def test_pairs_missed_in_replays_are_reported(monkeypatch):
+    """And after that there is room for them."""
+    usual = PairList.__init__
+    monkeypatch.setattr(PairList, "__init__", lambda self, model, capacity: usual(self, model, 1))
+    layers = [wc.Cloth.grid((0.2, 0.2), (6, 6), SOFT, transform=(0, 0, z), name=f"at {z}") for z in (0.1, 0.1021)]
+    layered = wc.Model.build(layers, device="cpu")
+    sim = wc.Simulation(layered, substeps=20, contact="all", check=False)
+    missed = 0
+    while missed < 9:  # one list after the other grows
+        sim.reset()
+        with wp.ScopedCapture(device="cpu") as capture:
+            sim.step(FRAME)
+        wp.capture_launch(capture.graph)
+        try:
+            sim.verify()
+            break
+        except SimulationError as error:
+            assert "more pairs in contact than there was room for" in str(error)
+            missed += 1
+    assert 0 < missed < 9
+    plain = wc.Simulation(layered, substeps=20, contact="all")
+    plain.step(FRAME)
+    np.testing.assert_array_equal(phase(sim), phase(plain))
 
 
 def test_the_simulations_own_graph_has_forces_and_hooks_in_it():

@@ -1,6 +1,5 @@
 """Frames recorded into a graph of the caller's, with launches of their own: launches only, no decisions on the host."""
 
-from .contact import ContactStage
 from .errors import InputError, SimulationError
 from .integrators import Integrator
 from .model import Model
@@ -23,14 +22,9 @@ def recordable_substeps(model: Model, integrator: Integrator, substeps: int) -> 
     return substeps
 
 
-def check_replayed(contact: ContactStage) -> None:
-    """Whether contact had enough memory in frames replayed from a graph of the caller's.
-
-    Raises:
-        SimulationError: it had not.
-    """
-    if contact.grow():
-        raise SimulationError(
-            "Frames replayed from a graph found more pairs in contact than there was room for; there is room now, so "
-            "reset, capture again, and replay."
-        )
+def missed_pairs() -> SimulationError:
+    """What to raise when frames replayed from a graph of the caller's had too little memory for contact."""
+    return SimulationError(
+        "Frames replayed from a graph found more pairs in contact than there was room for; there is room now, so "
+        "reset, capture again, and replay."
+    )

@@ -20,7 +20,7 @@ from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
 from .lookout import Lookout
 from .model import Model
-from .recording import check_replayed, recordable_substeps
+from .recording import missed_pairs, recordable_substeps
 from .state import State
 from .stopwatch import Stopwatch
 from .untangle import untangle
@@ -182,7 +182,9 @@ class Simulation:
             SimulationError: contact needed more memory than it had, so pairs were missed.
             DivergedError: the integrator moved cloth absurdly far.
         """
-        check_replayed(self.contact)
+        if self.contact.grow():
+            self._forget_frames()
+            raise missed_pairs()
         self.time = float(self.state.world_time.numpy().max())
 
     def run(self, frames: int, fps: float = 60.0, on_frame: Callable[["Simulation", int], None] | None = None) -> None:
@@ -215,8 +217,7 @@ class Simulation:
             explicit = not self.integrator.implicit or self.integrator.solves_springs_only
             self._grabs = Grabs(self.model, explicit)
             self.forces.terms.append(self._grabs)
-            self._graphs.clear()  # captured frames lack it
-            self._ran.clear()
+            self._forget_frames()
         return Grab(self, self._grabs, hold, validate.vector(target, "target"))
 
     def energy(self) -> dict[str, float]:
@@ -319,12 +320,16 @@ class Simulation:
         self.contact.remember()
 
     def _restore(self) -> None:
-        """Back to the state before the frame; graphs of it hold arrays that have been replaced."""
+        """Back to the state before the frame."""
         self.state.copy_from(self._before)
         wp.copy(self.state.world_time, self._time_before)
         self.integrator.reset()
         for before, item in zip(self._memory_before, self._memory, strict=True):
             wp.copy(item.array, before)
+        self._forget_frames()
+
+    def _forget_frames(self) -> None:
+        """Graphs of frames hold arrays that have been replaced, or lack what is new."""
         self._graphs.clear()
         self._ran.clear()
 
