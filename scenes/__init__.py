@@ -12,6 +12,7 @@ from .schema import Network, Scene
 if TYPE_CHECKING:
     from .result import SimulationResult
     from .run import simulate
+    from .shots.export import export_scene
     from .usd import CacheWriter, CheckReport, check_cache
 
 _LAZY = {
@@ -19,6 +20,7 @@ _LAZY = {
     "CheckReport": ".usd",
     "SimulationResult": ".result",
     "check_cache": ".usd",
+    "export_scene": ".shots.export",
     "simulate": ".run",
 }
 
@@ -30,6 +32,7 @@ __all__ = [
     "SimulationResult",
     "bundled_scenes",
     "check_cache",
+    "export_scene",
     "load_scene",
     "scene_from_toml",
     "simulate",

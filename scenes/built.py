@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,15 +15,20 @@ from warpcloth.simulation import Simulation
 from .schema import Network, Scene
 from .usd import CacheWriter
 
+if TYPE_CHECKING:
+    from .shots.shot import Shot
+    from .usd.frames import FrameWriter
+
 
 @dataclass(frozen=True, eq=False)
 class BuiltScene:
-    """A scene with its cloths and obstacles, or its network, as the simulator takes them."""
+    """A scene with its cloths and obstacles, or its network, as the simulator takes them; ``shot`` is its stage."""
 
     scene: Scene
     cloths: list[Cloth]
     obstacles: list[Any]
     network: Network | None
+    shot: "Shot | None" = None
 
     @staticmethod
     def of(scene: Scene) -> "BuiltScene":
@@ -32,13 +37,34 @@ class BuiltScene:
         Raises:
             InputError: a mesh that cannot be read, a pin that finds no vertex, …
         """
+        if scene.stage is not None:
+            shot = _shot(scene)
+            return BuiltScene(scene, shot.cloths, shot.obstacles, None, shot)
         cloths, obstacles = scene.build()
         return BuiltScene(scene, cloths, obstacles, scene.build_network())
 
     def writer(self, output: Path) -> CacheWriter:
-        """A cache for this scene."""
+        """A cache for this scene, with all there is to see."""
         shown = self.cloths if self.network is None else [self.network]
         return CacheWriter(output, shown, self.obstacles, self.scene.fps, provenance(self.scene))
+
+    def result_writer(self, output: Path) -> "FrameWriter":
+        """A cache for this scene; that of a stage is a layer over it."""
+        if self.shot is None:
+            return self.writer(output)
+        from .shots.layers import ShotWriter
+
+        return ShotWriter(output, self.shot, self.scene.fps, provenance(self.scene))
+
+
+def _shot(scene: Scene) -> "Shot":
+    """What is simulated of the scene's stage."""
+    from .shots.shot import read_shot
+
+    table = scene.stage
+    assert table is not None
+    fabric = None if table.fabric is None else table.fabric.build()
+    return read_shot(scene.folder / Path(table.path).expanduser(), table.cloth, table.collider, fabric)
 
 
 def provenance(scene: Scene) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""Finding and reading scenes: bundled ones by name, others by the path of their TOML file."""
+"""Finding and reading scenes: bundled ones by name, others by the path of their TOML file or of a USD stage."""
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from .overrides import apply_overrides, shorten
 from .schema import Scene, explain, suggest
 
 BUNDLED = Path(__file__).parent / "bundled"
+STAGES = (".usd", ".usda", ".usdc", ".usdz")
 LARGEST_FILE = 64 * 2**20  # bytes; a scene file is text that a person writes
 
 
@@ -21,18 +22,31 @@ def bundled_scenes() -> list[str]:
     return sorted(path.stem for path in BUNDLED.glob("*.toml"))
 
 
-def load_scene(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scene:
+def load_scene(
+    name_or_path: str | Path,
+    overrides: Iterable[str] = (),
+    *,
+    cloth: Sequence[str] = (),
+    collider: Sequence[str] = (),
+) -> Scene:
     """Read and validate a scene.
 
     Args:
-        name_or_path: Name of a bundled scene, or path of a ``.toml`` file.
+        name_or_path: Name of a bundled scene, or path of a ``.toml`` file or of a USD stage.
         overrides: Changes ``path=value``, e.g. ``cloth.0.fabric.areal_density=0.3``; see
             :func:`warpcloth.scenes.overrides.apply_overrides`.
+        cloth: In a stage, paths of prims that are cloth; by default those that say so themselves.
+        collider: In a stage, paths of prims that cloth collides with, besides those that say so themselves.
 
     Raises:
         SceneError: There is no such scene, or it is not valid; the message says where and what would be right.
+        UsdError: The stage cannot be read.
     """
     path = find_scene(name_or_path)
+    if path.suffix in STAGES:
+        return _scene_of_stage(path, overrides, {"cloth": list(cloth), "collider": list(collider)})
+    if cloth or collider:
+        raise SceneError(f"{path.name} is not a USD stage, so no prims of it can be chosen as cloth or collider")
     return scene_from_toml(read_text(path), name=path.stem, folder=path.parent, source=path.name, overrides=overrides)
 
 
@@ -47,15 +61,16 @@ def find_scene(name_or_path: str | Path) -> Path:
         return BUNDLED / f"{wanted}.toml"
     path = Path(wanted).expanduser() if wanted.startswith("~/") else Path(wanted)
     try:
-        if path.suffix == ".toml" and path.is_file():
+        if path.suffix in (".toml", *STAGES) and path.is_file():
             return path
         exists = bool(wanted) and path.exists()
-        neighbours = [p.name for p in path.parent.glob("*.toml")] if path.suffix == ".toml" else bundled_scenes()
+        file = path.suffix in (".toml", *STAGES)
+        neighbours = [p.name for p in path.parent.glob(f"*{path.suffix}")] if file else bundled_scenes()
     except (OSError, ValueError):  # names that no file can have
         exists, neighbours = False, bundled_scenes()
     if exists:
-        raise SceneError(f"{shorten(wanted)!r} is not a scene: a scene is a TOML file whose name ends in .toml")
-    what = "scene file" if path.suffix == ".toml" else "scene"
+        raise SceneError(f"{shorten(wanted)!r} is not a scene: a scene is a .toml file or a USD stage")
+    what = "scene file" if path.suffix in (".toml", *STAGES) else "scene"
     raise SceneError(f"there is no {what} {shorten(wanted)!r}{suggest(path.name, neighbours)}")
 
 
@@ -102,11 +117,39 @@ def scene_from_data(
     data: Mapping[str, Any], *, name: str = "scene", folder: Path | None = None, source: str = ""
 ) -> Scene:
     """A scene from its tables, as TOML is read into them; see :func:`scene_from_toml`."""
+    place = Path() if folder is None else folder
     try:
-        scene = Scene.model_validate(data)
+        scene = Scene.model_validate(_with_stage(data, place))
     except ValidationError as error:
         raise SceneError(_prefixed(source, explain(error))) from None
-    return scene.placed(name, Path() if folder is None else folder)
+    return scene.placed(name, place)
+
+
+def _scene_of_stage(path: Path, overrides: Iterable[str], prims: dict[str, Any]) -> Scene:
+    """The scene that a stage is by itself."""
+    data: dict[str, Any] = {"stage": {"path": path.name, **prims}}
+    try:
+        apply_overrides(data, overrides)
+    except SceneError as error:
+        raise SceneError(_prefixed(path.name, str(error))) from None
+    return scene_from_data(data, name=path.stem, folder=path.parent, source=path.name)
+
+
+def _with_stage(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+    """The tables of a scene, completed by what its stage says, if it has one."""
+    table = data.get("stage")
+    path = table.get("path") if isinstance(table, Mapping) else None
+    if not isinstance(path, str) or Path(path).suffix not in STAGES:
+        return data  # what is wrong with it the schema says
+    from .shots.opening import open_shot, stage_tables
+
+    said = stage_tables(open_shot(folder / Path(path).expanduser()))
+    both = {key: {**value, **data[key]} for key, value in said.items() if _is_table(value) and _is_table(data.get(key))}
+    return {**said, **data, **both}
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, Mapping)
 
 
 def parse_toml(text: str) -> dict[str, Any]:

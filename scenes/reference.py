@@ -19,6 +19,7 @@ from .schema.obstacle import OBSTACLES
 from .schema.pin import PinTable, RegionTable
 from .schema.scene import Scene
 from .schema.simulation import SimulationTable
+from .schema.stage import StageTable
 from .schema.table import Table
 from .schema.values import Checked
 
@@ -35,6 +36,7 @@ SECTIONS: list[tuple[str, tuple[type[Table], ...]]] = [
     ("`keys` of a motion", (KeyTable,)),
     ("`[[obstacle]]`", OBSTACLES),
     ("`[network]`", (NetworkTable,)),
+    ("`[stage]`", (StageTable,)),
 ]
 
 

@@ -4,7 +4,7 @@ import statistics
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
@@ -18,7 +18,9 @@ from .interrupt import stop_on_interrupt
 from .load import load_scene
 from .result import SimulationResult
 from .schema import Scene
-from .usd import CacheWriter
+
+if TYPE_CHECKING:
+    from .usd.frames import FrameWriter
 
 OnFrame = Callable[[int, int, Simulation], None]
 
@@ -43,8 +45,9 @@ def simulate(
     a simulation that diverges leaves no file.
 
     Args:
-        scene: A scene, the name of a bundled one, or the path of a scene file.
-        output: File to write, ``.usdc``, ``.usda`` or ``.usdz``; by default the scene's name in the current folder.
+        scene: A scene, the name of a bundled one, or the path of a scene file or USD stage.
+        output: File to write, ``.usdc``, ``.usda`` or ``.usdz``; by default the scene's name in the current folder,
+            of a stage with ``_sim`` behind it: see :class:`warpcloth.scenes.shots.layers.ShotWriter`.
         frames: Frames to simulate; by default as many as the scene says. Likewise the following.
         integrator: Name of the integrator.
         substeps: Integration steps per frame, or ``"auto"``.
@@ -71,7 +74,8 @@ def simulate(
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
     chosen = loaded.changed({key: value for key, value in options.items() if value is not None})
     every = choice(check, ("every", "last"), "check") == "every"
-    path = Path(f"{chosen.name}.usdc") if output is None else Path(output)
+    usual = f"{chosen.name}.usdc" if chosen.stage is None else f"{chosen.name}_sim.usda"
+    path = Path(usual if output is None else output)
     return _Run(chosen, path, every, profile=profile, untangled=untangle).result(on_frame)
 
 
@@ -89,7 +93,7 @@ class _Run:
 
     def result(self, on_frame: OnFrame | None) -> SimulationResult:
         """Simulate, write, and say how it went."""
-        with stop_on_interrupt() as stop, self.built_scene.writer(self.output) as writer:
+        with stop_on_interrupt() as stop, self.built_scene.result_writer(self.output) as writer:
             self.model = make_model([self.built_scene])
             self.triangles = Triangles(self.model) if self.model.tri_count > 0 else None
             simulation = make_simulation([self.built_scene], self.model, **self.options)
@@ -126,7 +130,7 @@ class _Run:
         if len(self.frame_times) == 1:
             simulation.watch.seconds.clear()  # the first frame loads kernels
 
-    def _write(self, writer: CacheWriter, frame: int, simulation: Simulation) -> None:
+    def _write(self, writer: "FrameWriter", frame: int, simulation: Simulation) -> None:
         state = simulation.state
         arrays = (state.particle_q.numpy(), state.particle_qd.numpy())
         points, velocities = (by_cloth([self.built_scene], self.model, values)[0] for values in arrays)

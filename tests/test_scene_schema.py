@@ -18,7 +18,7 @@ README = Path(warpcloth.scenes.__file__).parent / "README.md"
 
 # What is wrong in the file → what the sentence must be.
 MISTAKES = [
-    ("", "the scene must have a [[cloth]] or a [network] to simulate"),
+    ("", "the scene must have a [[cloth]], a [network] or a [stage] to simulate"),
     (GRID + 'sise = [1, 1]', "the key 'cloth.0.sise' is unknown; did you mean 'size'?"),
     ("frame = 1\nfsp = 2\n" + GRID, "the key 'frame' is unknown; did you mean 'frames'? (and 1 more problem)"),
     (GRID + 'fabric = { density = 1 }', "the key 'cloth.0.fabric.density' is unknown; did you mean 'areal_density'?"),

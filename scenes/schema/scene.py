@@ -20,6 +20,7 @@ from .messages import explain
 from .network import Network, NetworkTable
 from .obstacle import BoxTable, CapsuleTable, LatheTable, MeshObstacleTable, PlaneTable, SphereTable
 from .simulation import SimulationTable
+from .stage import StageTable
 from .table import Table, field
 from .values import MOST_FRAMES, MOST_VERTICES, Number, Text, refuse
 
@@ -44,6 +45,7 @@ class Scene(Table):
     cloth: list[AnyCloth] = Field([], description="The cloths.", max_length=10_000)
     obstacle: list[AnyObstacle] = Field([], description="What the cloths collide with.", max_length=10_000)
     network: NetworkTable | None = field(None, "A bare network of springs instead of cloths.")
+    stage: StageTable | None = field(None, "A USD stage with the cloths and what they collide with.")
 
     _name: str = PrivateAttr("scene")
     _folder: Path = PrivateAttr(Path())
@@ -94,11 +96,14 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _something_to_simulate(self) -> Self:
-        if not self.cloth and self.network is None:
-            raise refuse("must have a [[cloth]] or a [network] to simulate")
-        if self.network is not None and (self.cloth or self.obstacle):
-            other = "[[cloth]]" if self.cloth else "[[obstacle]]"
-            raise refuse(f"must not have {other} beside a [network], which is simulated alone")
+        whole = {"[network]": self.network, "[stage]": self.stage}
+        alone = [name for name, table in whole.items() if table is not None]
+        if not self.cloth and not alone:
+            raise refuse("must have a [[cloth]], a [network] or a [stage] to simulate")
+        others = [name for name, there in (("[[cloth]]", self.cloth), ("[[obstacle]]", self.obstacle)) if there]
+        others += alone[1:]
+        if alone and others:
+            raise refuse(f"must not have {others[0]} beside a {alone[0]}, which is simulated alone")
         return self
 
     @model_validator(mode="after")
@@ -117,7 +122,7 @@ class Scene(Table):
         return self
 
     def build(self) -> tuple[list[Cloth], list[Any]]:
-        """The simulator's cloths and obstacles; both empty for a network (see :meth:`build_network`).
+        """The simulator's cloths and obstacles; both empty for a network or a stage, which are not made of tables.
 
         Raises:
             InputError: A mesh that cannot be read, a pin that finds no vertex, …; the message names the table.

@@ -117,9 +117,9 @@ class Vector(Checked):
 
 @dataclass(frozen=True)
 class Rows(Checked):
-    """A list of numbers or vectors of one kind, of any length from ``least`` up."""
+    """A list of numbers, vectors or texts of one kind, of any length from ``least`` up."""
 
-    item: Number | Vector
+    item: "Number | Vector | Text"
     least: int = 1
     most: int = MOST_VERTICES
 
@@ -162,11 +162,15 @@ class Text(Checked):
     what: str = "text"
     most: int = 2000
 
-    def check(self, value: Any) -> str:
+    def accepts(self, value: Any) -> bool:
+        """Whether it is such a text."""
         if not isinstance(value, str) or len(value) > self.most or "\0" in value:
+            return False
+        return not self.pattern or re.fullmatch(self.pattern, value) is not None
+
+    def check(self, value: Any) -> str:
+        if not self.accepts(value):
             raise refuse(f"must be {self.what}" + ("" if isinstance(value, str) else ", in quotes"))
-        if self.pattern and not re.fullmatch(self.pattern, value):
-            raise refuse(f"must be {self.what}")
         return value
 
     @property

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pxr import Usd, UsdValidation
 
-from .stage import PROVENANCE
+from .stage import ASSET, PROVENANCE
 
 METADATA = (
     "upAxis",
@@ -25,10 +25,12 @@ def metadata_errors(stage: Usd.Stage, ours: bool) -> list[str]:
     root = stage.GetDefaultPrim()
     if root and not Usd.ModelAPI(root).GetKind():
         errors.append(f"The default prim {root.GetPath()} has no kind.")
-    if stage.GetTimeCodesPerSecond() != stage.GetFramesPerSecond():
+    provenance = stage.GetRootLayer().customLayerData.get(PROVENANCE)
+    over_asset = isinstance(provenance, dict) and ASSET in provenance  # whose time codes are as they are
+    if stage.GetTimeCodesPerSecond() != stage.GetFramesPerSecond() and not over_asset:
         rates = f"{stage.GetTimeCodesPerSecond():g} time codes and {stage.GetFramesPerSecond():g} frames"
         errors.append(f"The stage has {rates} per second; they must be equal.")
-    if ours and PROVENANCE not in stage.GetRootLayer().customLayerData:
+    if ours and provenance is None:
         errors.append(f"The stage has no provenance in customLayerData['{PROVENANCE}'].")
     return errors
 

@@ -29,7 +29,9 @@ def sampling_faults(shape: UsdGeom.PointBased, followers: list[Usd.Attribute]) -
             faults.append(f"has no {attribute.GetName()} at its frames")
         elif own != codes:
             faults.append(f"has {attribute.GetName()} at {len(own)} frames that are not the {len(codes)} of its points")
-    if role_of(shape.GetPrim()) and codes != [codes[0] + k for k in range(len(codes))]:
+    stage = shape.GetPrim().GetStage()
+    frames = codes[0] + np.arange(len(codes)) * stage.GetTimeCodesPerSecond() / stage.GetFramesPerSecond()
+    if role_of(shape.GetPrim()) and not np.allclose(codes, frames, rtol=0.0, atol=1e-6):
         faults.append("is not sampled at every frame")
     return faults
 

@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, UsdUtils
+from pxr import Sdf, Usd, UsdUtils
 
 from ...errors import UsdError
+from .clock import Clock
 from .crate import save_again
 from .failures import as_usd_error
 from .paths import Target, publish
-from .stage import create_stage, with_provenance
+from .stage import with_provenance
 
 SAVE_BYTES = 64 * 2**20
 
@@ -21,11 +22,17 @@ class GrowingStage:
     It is saved for every 64 MiB of samples, and whenever its frames have doubled: few saves, but a process that is
     killed leaves at least half of its frames even when the whole shot is small. Each save repeats the tables of
     all samples, which is why not every frame is saved.
+
+    Args:
+        target: the file to become.
+        stage: a new one whose root layer is ``target.partial``.
+        clock: time codes of the frames.
     """
 
-    def __init__(self, target: Target, fps: float, provenance: Mapping[str, Any]):
+    def __init__(self, target: Target, stage: Usd.Stage, clock: Clock):
         self.target = target
-        self.stage = create_stage(target.partial, fps, provenance)
+        self.stage = stage
+        self.clock = clock
         self._doing = f"Cannot write the cache {target.final.name}"
         self._unsaved_bytes = 0
         self._saved_frames = 0
@@ -46,8 +53,8 @@ class GrowingStage:
 
     def save_frames(self, frames: range) -> None:
         """Saves everything, with ``frames`` as the range of the stage."""
-        self.stage.SetStartTimeCode(frames[0])
-        self.stage.SetEndTimeCode(frames[-1])
+        self.stage.SetStartTimeCode(self.clock.code(frames[0]))
+        self.stage.SetEndTimeCode(self.clock.code(frames[-1]))
         self.save()
         self._saved_frames = len(frames)
 

@@ -32,7 +32,7 @@ class MeshPrim:
         self.mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
         self.set_points(points, Usd.TimeCode.Default())
 
-    def set_points(self, points: np.ndarray, code: Usd.TimeCode | int) -> int:
+    def set_points(self, points: np.ndarray, code: Usd.TimeCode | float) -> int:
         """Sets points and the normals and extent that follow from them; returns the bytes held in memory."""
         stored = self.checked(points, "points")
         self.mesh.GetPointsAttr().Set(vectors(stored), code)
@@ -40,7 +40,7 @@ class MeshPrim:
         self.mesh.GetExtentAttr().Set(vectors(np.stack([stored.min(axis=0), stored.max(axis=0)])), code)
         return 2 * stored.nbytes + 3 * SAMPLE_OVERHEAD
 
-    def drop(self, code: int) -> None:
+    def drop(self, code: float) -> None:
         """Takes back what was set at time ``code``."""
         for attribute in (self.mesh.GetPointsAttr(), self.mesh.GetNormalsAttr(), self.mesh.GetExtentAttr()):
             attribute.ClearAtTime(code)
@@ -63,14 +63,14 @@ class ClothPrim(MeshPrim):
         self._set_texture_coordinates(cloth)
         self._set_pins(cloth.pinned)
 
-    def write(self, code: int, points: np.ndarray, velocities: np.ndarray) -> int:
+    def write(self, code: float, points: np.ndarray, velocities: np.ndarray) -> int:
         """Sets one frame: points [m] and velocities [m/s], shape [n, 3]; returns the bytes held in memory."""
         stored = self.checked(velocities, "velocities")
         held = self.set_points(points, code)
         self.mesh.GetVelocitiesAttr().Set(vectors(stored), code)
         return held + stored.nbytes + SAMPLE_OVERHEAD
 
-    def drop(self, code: int) -> None:
+    def drop(self, code: float) -> None:
         super().drop(code)
         self.mesh.GetVelocitiesAttr().ClearAtTime(code)
 

@@ -48,7 +48,7 @@ class NetworkPrim:
             bind_color(drawn.GetPrim(), color, roughness=0.4)
         self._set_points(self.checked(network.points, "points"), Usd.TimeCode.Default())
 
-    def write(self, code: int, points: np.ndarray, velocities: np.ndarray) -> int:
+    def write(self, code: float, points: np.ndarray, velocities: np.ndarray) -> int:
         """Sets one frame: points [m] and velocities [m/s], shape [n, 3]; returns the bytes held in memory."""
         stored, speeds = self.checked(points, "points"), self.checked(velocities, "velocities")
         held = self._set_points(stored, code)
@@ -56,7 +56,7 @@ class NetworkPrim:
         self.springs.GetVelocitiesAttr().Set(vectors(speeds[self.ends]), code)
         return 2 * held
 
-    def drop(self, code: int) -> None:
+    def drop(self, code: float) -> None:
         """Takes back what was set at time ``code``."""
         for drawn in (self.particles, self.springs):
             for attribute in (drawn.GetPointsAttr(), drawn.GetVelocitiesAttr(), drawn.GetExtentAttr()):
@@ -66,7 +66,7 @@ class NetworkPrim:
         """``values`` as stored; UsdError when they are not one vector per particle."""
         return checked(values, self.count, self.prim.GetName(), what)
 
-    def _set_points(self, points: np.ndarray, code: Usd.TimeCode | int) -> int:
+    def _set_points(self, points: np.ndarray, code: Usd.TimeCode | float) -> int:
         held = 0
         for drawn, placed in ((self.particles, points), (self.springs, points[self.ends])):
             stored = vectors(placed)

@@ -45,7 +45,7 @@ class ObstaclePrim:
         self._create_ops()
         self._annotate()
 
-    def write(self, code: int, time: float) -> int:
+    def write(self, code: float, time: float) -> int:
         """Sets the pose at ``time`` [s] if it ever changes; returns the bytes held in memory."""
         if not self.obstacle.moves:
             return 0
@@ -55,7 +55,7 @@ class ObstaclePrim:
         self._set_pose(self.obstacle.matrix(time) @ self.placement, code)
         return 2 * SAMPLE_OVERHEAD
 
-    def drop(self, code: int) -> None:
+    def drop(self, code: float) -> None:
         """Takes back what was set at time ``code``."""
         self.translate.ClearAtTime(code)
         self.orient.ClearAtTime(code)
@@ -71,7 +71,7 @@ class ObstaclePrim:
         if isinstance(self.obstacle, Box):
             xformable.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*self.obstacle.size.tolist()))
 
-    def _set_pose(self, matrix: np.ndarray, code: Usd.TimeCode | int) -> None:
+    def _set_pose(self, matrix: np.ndarray, code: Usd.TimeCode | float) -> None:
         quaternion = Gf.Matrix3d(*matrix[:3, :3].T.ravel().tolist()).ExtractRotation().GetQuat()
         if Gf.Dot(quaternion, self.last_quaternion) < 0.0:  # q and −q are one rotation; stay on one side
             quaternion = -quaternion

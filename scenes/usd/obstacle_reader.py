@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdPhysics
+from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from ...errors import UsdError
 from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
@@ -12,7 +12,7 @@ from ...transforms import apply
 from .faces import mesh_triangles
 from .opening import transform_codes, world_matrix
 from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
-from .roles import OBSTACLE_ROLE, name_of, numbers, role_of
+from .roles import OBSTACLE_ROLE, has_schema, name_of, numbers, role_of
 from .samples import as_vectors
 
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
@@ -33,7 +33,7 @@ def read_obstacles(stage: Usd.Stage, origin: float = 0.0) -> list[Obstacle]:
             degenerate mesh.
     """
     prims = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-    return [_read(prim, origin) for prim in prims if is_collider(prim)]
+    return [read_obstacle(prim, origin) for prim in prims if is_collider(prim)]
 
 
 def is_collider(prim: Usd.Prim) -> bool:
@@ -41,7 +41,7 @@ def is_collider(prim: Usd.Prim) -> bool:
     role = role_of(prim)
     if role is not None:
         return role == OBSTACLE_ROLE
-    cloth = "PhysicsSurfaceDeformableSimAPI" in prim.GetAppliedSchemas()
+    cloth = has_schema(prim, "PhysicsSurfaceDeformableSimAPI")
     return prim.IsA(UsdGeom.Gprim) and prim.HasAPI(UsdPhysics.CollisionAPI) and _enabled(prim) and not cloth
 
 
@@ -49,8 +49,9 @@ def _enabled(prim: Usd.Prim) -> bool:
     return UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is not False
 
 
-def _read(prim: Usd.Prim, origin: float) -> Obstacle:
-    common = {"name": name_of(prim), **numbers(prim, "thickness", "friction", "restitution")}
+def read_obstacle(prim: Usd.Prim, origin: float = 0.0) -> Obstacle:
+    """One prim as an obstacle; arguments and errors as for :func:`read_obstacles`."""
+    common = {"name": name_of(prim), **_material(prim), **numbers(prim, "thickness", "friction", "restitution")}
     color = UsdGeom.Gprim(prim).GetDisplayColorAttr().Get(Usd.TimeCode.EarliestTime())
     if color:
         common["color"] = tuple(float(min(1.0, max(0.0, channel))) for channel in color[0])
@@ -67,6 +68,16 @@ def _read(prim: Usd.Prim, origin: float) -> Obstacle:
             return make(kind(prim), frame, common | {"motion": rigid_motion(rest, seconds, matrices)})
     wanted = "a Sphere, Capsule, Cube, Plane or Mesh"
     raise UsdError(f"Collider {prim.GetPath()} is a {prim.GetTypeName()}, which cannot be an obstacle; use {wanted}.")
+
+
+def _material(prim: Usd.Prim) -> dict[str, float]:
+    """Friction and restitution of the physics material that a collider is bound to."""
+    material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0]
+    if not material or not material.GetPrim().HasAPI(UsdPhysics.MaterialAPI):
+        return {}
+    physics = UsdPhysics.MaterialAPI(material.GetPrim())
+    attributes = {"friction": physics.GetDynamicFrictionAttr(), "restitution": physics.GetRestitutionAttr()}
+    return {name: float(value.Get()) for name, value in attributes.items() if value.HasAuthoredValue()}
 
 
 def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObstacle:

@@ -22,6 +22,11 @@ def role_of(prim: Usd.Prim) -> str | None:
     return prim.GetCustomDataByKey(_ROLE)
 
 
+def has_schema(prim: Usd.Prim, name: str) -> bool:
+    """Whether an API schema is applied to ``prim``, even one that this OpenUSD does not know."""
+    return name in prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+
+
 def name_of(prim: Usd.Prim) -> str:
     """The name given to :func:`mark`, or else the prim's own."""
     return prim.GetCustomDataByKey(_NAME) or prim.GetName()

@@ -16,6 +16,7 @@ CLOTH = ROOT.AppendChild("Cloth")
 OBSTACLES = ROOT.AppendChild("Obstacles")
 MATERIALS = ROOT.AppendChild("Materials")
 PROVENANCE = "warpcloth"
+ASSET = "asset"  # key of the provenance: the stage that a simulation was of
 
 
 def create_stage(path: Path, fps: float, provenance: Mapping[str, Any]) -> Usd.Stage:

@@ -164,8 +164,8 @@ def _complete(scene: Scene) -> dict[str, Any]:
 
 
 def _absolute(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The same tables, with mesh paths that no longer depend on a folder."""
-    for table in (*data.get("cloth", ()), *data.get("obstacle", ())):
+    """The same tables, with paths of meshes and stages that no longer depend on a folder."""
+    for table in (*data.get("cloth", ()), *data.get("obstacle", ()), data.get("stage")):
         path = table.get("path") if isinstance(table, dict) else None
         if isinstance(path, str) and not path.startswith("warp:"):
             table["path"] = str(folder / Path(path).expanduser())

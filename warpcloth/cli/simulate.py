@@ -16,9 +16,24 @@ from .terminal import messages, start_warp
 if TYPE_CHECKING:
     from ..scenes import SimulationResult
 
-SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A bundled scene (see `scenes`) or a .toml file.")]
+SceneArgument = Annotated[
+    str, typer.Argument(metavar="SCENE", help="A bundled scene (see `scenes`), a .toml file or a USD stage.")
+]
 Output = Annotated[
-    Path | None, typer.Option("-o", "--output", help="Cache to write: .usdc, .usda or .usdz.  [default: SCENE.usdc]")
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        help="Cache to write: .usdc, .usda or .usdz.  [default: SCENE.usdc; of a stage SCENE_sim.usda and its layer]",
+    ),
+]
+ClothPrims = Annotated[
+    list[str] | None,
+    typer.Option("--cloth", metavar="PRIM", help="In a USD stage: a mesh that is cloth, or a parent of some."),
+]
+ColliderPrims = Annotated[
+    list[str] | None,
+    typer.Option("--collider", metavar="PRIM", help="In a USD stage: what cloth collides with, besides its colliders."),
 ]
 Changes = Annotated[
     list[str] | None,
@@ -50,11 +65,13 @@ def command(
     profile: Profile = False,
     render: Render = False,
     untangle: Untangle = False,
+    cloth: ClothPrims = None,
+    collider: ColliderPrims = None,
 ) -> Report:
     """Simulate SCENE and write it as a USD cache."""
     from ..scenes import load_scene, simulate
 
-    loaded = load_scene(scene, changes or ())
+    loaded = load_scene(scene, changes or (), cloth=cloth or (), collider=collider or ())
     if render:
         _check_renderer()
     start_warp()

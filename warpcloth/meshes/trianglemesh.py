@@ -71,6 +71,10 @@ class TriangleMesh:
         Order is kept. Layers that lie in the same place are left apart: nothing is merged when that would give an edge
         more than two triangles.
         """
+        return self.weld()[0]
+
+    def weld(self) -> tuple["TriangleMesh", np.ndarray]:
+        """The same, and which vertex of it each of the vertices here has become, −1 for dropped ones; shape [n]."""
         used = np.zeros(len(self.points), bool)
         used[self.triangles] = True
         _, first, group = np.unique(self.points + 0.0, axis=0, return_index=True, return_inverse=True)
@@ -80,9 +84,10 @@ class TriangleMesh:
         keep = np.zeros(len(self.points), bool)
         keep[merged[used]] = True
         if keep.all():
-            return self
+            return self, np.arange(len(self.points))
         number = np.cumsum(keep) - 1
-        return replace(self, points=self.points[keep], triangles=number[merged[self.triangles]])
+        welded = replace(self, points=self.points[keep], triangles=number[merged[self.triangles]])
+        return welded, np.where(keep[merged], number[merged], -1)
 
     @staticmethod
     def joined(meshes: Sequence["TriangleMesh"], name: str) -> "TriangleMesh":

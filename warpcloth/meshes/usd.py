@@ -100,11 +100,15 @@ def _scattered_meshes(
 
 
 def _placed(mesh: UsdGeom.Mesh, name: str, matrix: np.ndarray) -> TriangleMesh:
-    return _read(mesh, name).transformed(matrix)
+    return prim_mesh(mesh, name).transformed(matrix)
 
 
-def _read(mesh: UsdGeom.Mesh, name: str) -> TriangleMesh:
-    """A mesh in its own frame."""
+def prim_mesh(mesh: UsdGeom.Mesh, name: str) -> TriangleMesh:
+    """A mesh prim in its own frame and units, polygons triangulated, holes left out, with all of its points.
+
+    Raises:
+        MeshError: on points that are not finite, no faces, or faces that do not fit the points.
+    """
     points = _numbers(mesh.GetPointsAttr(), float).reshape(-1, 3)
     counts = _numbers(mesh.GetFaceVertexCountsAttr(), np.int64)
     corners = _numbers(mesh.GetFaceVertexIndicesAttr(), np.int64)

@@ -1,0 +1,116 @@
+"""A simulated cloth as an opinion over the mesh it comes from."""
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom
+
+from warpcloth.transforms import apply
+
+from ..usd.faces import mesh_triangles
+from ..usd.opening import transform_codes, world_matrix
+from ..usd.roles import CLOTH_ROLE, mark, set_number
+from ..usd.samples import SAMPLE_OVERHEAD, as_vectors, checked, vectors
+from ..usd.surface import vertex_normals
+from .cloth_reader import ShotCloth
+
+DEFAULT = Usd.TimeCode.Default()
+
+
+class ClothOver:
+    """Points, velocities, extent and, on polygonal meshes, normals of one mesh, in its own frame and units.
+
+    Args:
+        layer: a stage of nothing but the layer to write to.
+        part: the cloth and its mesh.
+        start: time code of second 0.
+        half_frame: half the time between two frames, in time codes.
+    """
+
+    def __init__(self, layer: Usd.Stage, part: ShotCloth, start: float, half_frame: float):
+        self.source, self.part, self.half_frame = part.mesh, part, half_frame
+        prim = part.mesh.GetPrim()
+        self.over = UsdGeom.Mesh(layer.OverridePrim(prim.GetPath()))
+        _single_out(layer, prim)
+        self.moves = bool(transform_codes(prim))
+        self.rate = prim.GetStage().GetTimeCodesPerSecond()
+        self.to_world = world_matrix(prim, start)
+        first = as_vectors(part.mesh.GetPointsAttr().Get(Usd.TimeCode(start)))
+        self.local = first if len(first) else as_vectors(part.mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()))
+        self.used = part.particle_of >= 0
+        self.triangles = mesh_triangles(part.mesh, self.local)
+        self.faceted = part.mesh.GetSubdivisionSchemeAttr().Get() == UsdGeom.Tokens.none
+        self._annotate()
+        self._set_rest()
+
+    def write(self, code: float, points: np.ndarray, velocities: np.ndarray) -> int:
+        """Sets one frame: world positions [m] and velocities [m/s], shape [n, 3]; returns the bytes held in memory."""
+        to_local = np.linalg.inv(world_matrix(self.source.GetPrim(), code) if self.moves else self.to_world)
+        world = self.checked(points, "points").astype(float)
+        speeds = self.checked(velocities, "velocities").astype(float)
+        local = apply(to_local, world)
+        rates = speeds @ to_local[:3, :3].T + self._drift(code, world)
+        self.local[self.used] = local[self.part.particle_of[self.used]]
+        spread = np.zeros_like(self.local)
+        spread[self.used] = rates[self.part.particle_of[self.used]]
+        self.over.GetVelocitiesAttr().Set(vectors(spread), code)
+        held = self._set_points(np.asarray(self.local, np.float32), code)
+        return held + spread.nbytes // 2 + SAMPLE_OVERHEAD
+
+    def drop(self, code: float) -> None:
+        """Takes back what was set at time ``code``."""
+        mesh = self.over
+        for attribute in (
+            mesh.GetPointsAttr(), mesh.GetNormalsAttr(), mesh.GetExtentAttr(), mesh.GetVelocitiesAttr()
+        ):  # fmt: skip
+            if attribute:
+                attribute.ClearAtTime(code)
+
+    def checked(self, values: np.ndarray, what: str) -> np.ndarray:
+        """``values`` as stored; UsdError when they are not one vector per particle."""
+        return checked(values, len(self.part.cloth.points), self.part.cloth.name, what)
+
+    def _set_points(self, points: np.ndarray, code: Usd.TimeCode | float) -> int:
+        self.over.CreatePointsAttr().Set(vectors(points), code)
+        self.over.CreateExtentAttr().Set(vectors(np.stack([points.min(axis=0), points.max(axis=0)])), code)
+        if self.faceted:
+            self.over.CreateNormalsAttr().Set(vectors(vertex_normals(points, self.triangles)), code)
+        return 2 * points.nbytes + 3 * SAMPLE_OVERHEAD
+
+    def _drift(self, code: float, world: np.ndarray) -> np.ndarray:
+        """What a moving frame adds to velocities as seen from it [units/s]: by central differences over a frame."""
+        if not self.moves:
+            return np.zeros(3)
+        prim, half = self.source.GetPrim(), self.half_frame
+        before, after = (np.linalg.inv(world_matrix(prim, code + shift)) for shift in (-half, half))
+        return (apply(after, world) - apply(before, world)) * (self.rate / (2.0 * half))
+
+    def _annotate(self) -> None:
+        prim, cloth = self.over.GetPrim(), self.part.cloth
+        mark(prim, CLOTH_ROLE, cloth.name)
+        prim.SetCustomDataByKey("warpcloth:fabric", cloth.fabric.name)
+        set_number(prim, "thickness", cloth.fabric.thickness)
+        self.over.CreateVelocitiesAttr()
+        if self.faceted:
+            self.over.CreateNormalsAttr()
+            self.over.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+            primvar = self.source.GetPrim().GetAttribute("primvars:normals")
+            if primvar and primvar.HasAuthoredValue():  # would be stronger than normals
+                prim.CreateAttribute("primvars:normals", Sdf.ValueTypeNames.Normal3fArray, custom=False).Block()
+
+    def _set_rest(self) -> None:
+        """A rest pose where the mesh has none, and what goes with it: an extent, and as many normals as points."""
+        rest = as_vectors(self.source.GetPointsAttr().Get())
+        stored = np.asarray(rest if len(rest) else self.local, np.float32)
+        if len(rest):
+            self.over.CreateExtentAttr().Set(vectors(np.stack([stored.min(axis=0), stored.max(axis=0)])), DEFAULT)
+            if self.faceted:
+                self.over.CreateNormalsAttr().Set(vectors(vertex_normals(stored, self.triangles)), DEFAULT)
+        else:
+            self._set_points(stored, DEFAULT)
+
+
+def _single_out(layer: Usd.Stage, prim: Usd.Prim) -> None:
+    """Lets the instances that a mesh is in be no instances any more, as nothing can be said of parts of these."""
+    stage = prim.GetStage()
+    for path in prim.GetPath().GetPrefixes():
+        if stage.GetPrimAtPath(path).IsInstance():
+            layer.OverridePrim(path).SetInstanceable(False)

@@ -1,0 +1,139 @@
+"""Scenes as USD stages that other tools can read, and that simulate like the scene."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
+
+from warpcloth.cloth import Cloth
+from warpcloth.errors import InputError, UsdError
+from warpcloth.transforms import apply, placement
+
+from ..schema import Scene
+from ..schema.cloth import ClothTable, DiscTable, GridTable
+from ..usd.failures import as_usd_error
+from ..usd.mesh_prims import ClothPrim
+from ..usd.obstacle_prims import ObstaclePrim
+from ..usd.paths import Target, output_target, publish
+from ..usd.samples import integers
+from ..usd.stage import CLOTH, MATERIALS, OBSTACLES, ROOT, create_stage, prim_names, usd_dictionary
+from ..usd.writer import surroundings
+from .cloth_prims import BODY_API, SIM_API
+from .materials import write_material
+from .motions import note_motion
+from .notes import NOTES, note
+from .pins import FAMILY
+from .rest_shapes import RestShape
+
+MESH = "mesh"  # below the Xform that carries a cloth's name
+
+
+def export_scene(scene: Scene, path: str | os.PathLike) -> Path:
+    """Writes a scene as a USD stage; returns the path.
+
+    Cloths are surface deformables with a physics material, pins subsets of their points, obstacles colliders with
+    sampled transforms. What USD has no words for is noted as ``warpcloth:…``.
+
+    Args:
+        scene: with cloths; a bare network of springs is nothing that stages have.
+        path: ``.usda``, ``.usdc`` or ``.usdz``.
+
+    Raises:
+        InputError: the scene has no cloths of its own, or cannot be built; UsdError: ``path`` cannot be written.
+    """
+    if not scene.cloth:
+        kind = "a bare network of springs" if scene.stage is None else "a USD stage already"
+        raise InputError(f"Scene '{scene.name}' is {kind}, so there is no cloth in it to export.")
+    target = output_target(path)
+    cloths, obstacles = scene.build()
+    stage = create_stage(target.partial, scene.fps, {"scene": scene.name})
+    try:
+        _physics_scene(stage, scene)
+        bodies = zip(scene.cloth, cloths, prim_names([cloth.name for cloth in cloths]), strict=True)
+        for table, cloth, name in bodies:
+            _cloth(stage, table, cloth, name)
+        around, names = surroundings(cloths), prim_names([obstacle.name for obstacle in obstacles])
+        drawn = [
+            ObstaclePrim(stage, OBSTACLES.AppendChild(name), obstacle, around)
+            for obstacle, name in zip(obstacles, names, strict=True)
+        ]
+        for prim, obstacle in zip(drawn, obstacles, strict=True):
+            note_motion(prim.prim, obstacle.motion, prim.placement)
+        for frame in range(scene.frames + 1):
+            for prim in drawn:
+                prim.write(frame, frame / scene.fps)
+        stage.SetEndTimeCode(scene.frames)
+        _save(stage, target)
+    except BaseException:
+        target.partial.unlink(missing_ok=True)
+        raise
+    return target.final
+
+
+def _physics_scene(stage: Usd.Stage, scene: Scene) -> None:
+    """Gravity for all, and how warpcloth simulates the scene."""
+    physics = UsdPhysics.Scene.Define(stage, ROOT.AppendChild("PhysicsScene"))
+    gravity = np.array(scene.simulation.gravity, float)
+    strength = float(np.linalg.norm(gravity))
+    direction = gravity / strength if strength > 0.0 else np.array([0.0, 0.0, -1.0])
+    physics.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
+    physics.CreateGravityMagnitudeAttr(strength)
+    tables = scene.model_dump(include={"title", "description", "seed", "simulation", "air"}, exclude_none=True)
+    del tables["simulation"]["device"]  # of the machine, not of the scene
+    physics.GetPrim().SetCustomDataByKey(NOTES, usd_dictionary(tables))
+
+
+def _cloth(stage: Usd.Stage, table: ClothTable, cloth: Cloth, name: str) -> None:
+    """A cloth: an Xform that places it, and in it the mesh in its own frame."""
+    matrix = placement(table.position, np.radians(table.rotation), getattr(table, "scale", 1.0))
+    body = UsdGeom.Xform.Define(stage, CLOTH.AppendChild(name))
+    body.GetPrim().AddAppliedSchema(BODY_API)
+    body.AddTransformOp().Set(Gf.Matrix4d(*matrix.T.ravel().tolist()))
+    local = replace(cloth, points=apply(np.linalg.inv(matrix), cloth.points), pins=())
+    prim = ClothPrim(stage, body.GetPath().AppendChild(MESH), local).prim
+    prim.AddAppliedSchema(SIM_API)
+    UsdPhysics.CollisionAPI.Apply(prim)
+    _rest(prim, table, cloth)
+    write_material(prim, MATERIALS.AppendChild(f"{name}_fabric"), cloth.fabric)
+    for pin, subset in zip(cloth.pins, prim_names([FAMILY] * len(cloth.pins)), strict=True):
+        indices = integers(pin.indices)
+        made = UsdGeom.Subset.CreateGeomSubset(UsdGeom.Mesh(prim), subset, UsdGeom.Tokens.point, indices, FAMILY)
+        note_motion(made.GetPrim(), pin.motion, matrix)
+
+
+def _rest(prim: Usd.Prim, table: ClothTable, cloth: Cloth) -> None:
+    """What the cloth is at rest, how it starts, and what is in it."""
+    kinds = Sdf.ValueTypeNames
+    prim.CreateAttribute(
+        "physics:restBendAnglesDefault", kinds.Token, custom=False, variability=Sdf.VariabilityUniform
+    ).Set("restShape")
+    springs = getattr(table, "springs", None)
+    note(prim, "springs", springs, kinds.Token)
+    if isinstance(table, GridTable):
+        RestShape("grid", table.size, table.resolution).write(prim)
+    elif isinstance(table, DiscTable):
+        RestShape("disc", (table.radius,), (table.resolution,)).write(prim)
+    if np.any(cloth.velocity):
+        note(prim, "velocity", Gf.Vec3d(*cloth.velocity.tolist()), kinds.Double3)
+    if cloth.inflation is not None:
+        note(prim, "pressure", cloth.inflation.pressure, kinds.Double)
+        note(prim, "gas", cloth.inflation.gas, kinds.Bool)
+        note(prim, "ambient", cloth.inflation.ambient, kinds.Double)
+
+
+def _save(stage: Usd.Stage, target: Target) -> None:
+    """The finished stage in its final format and under its final name."""
+    layer, done = stage.GetRootLayer(), True
+    with as_usd_error(f"Cannot write {target.final.name}"):
+        layer.Save()
+        if target.final.suffix == ".usda":
+            done = layer.Export(str(target.converted))
+        elif target.final.suffix == ".usdz":
+            name = target.final.with_suffix(".usdc").name
+            done = UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(target.partial)), str(target.converted), name)
+        if not done:
+            raise UsdError(f"Cannot write {target.final.name}: the stage could not be converted.")
+        publish(target)
+        target.partial.unlink(missing_ok=True)

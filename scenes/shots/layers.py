@@ -1,0 +1,177 @@
+"""The two files that a simulated stage becomes: a cache layer of overs, and a shot that puts it over the stage."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pxr import Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
+
+from warpcloth import __version__
+from warpcloth.errors import UsdError
+
+from ..usd.clock import Clock
+from ..usd.failures import as_usd_error
+from ..usd.frames import FrameWriter
+from ..usd.growing import GrowingStage
+from ..usd.paths import Target, output_target, publish
+from ..usd.stage import ASSET, PROVENANCE, with_provenance
+from ..usd.writer import check_rate
+from .cloth_over import ClothOver
+from .shot import Shot
+
+COLLISION_API = "PhysicsCollisionAPI"
+
+
+class ShotWriter(FrameWriter):
+    """Streams frames into a cache layer; at the end writes the shot, which has that layer over the stage.
+
+    For ``-o shot_sim.usda`` the layer is ``shot_sim.cache.usdc`` beside it. A ``.usdz`` holds the shot, the layer and
+    everything that the stage refers to.
+
+    Args:
+        path: of the shot: ``.usda``, ``.usdc`` or ``.usdz``.
+        shot: what is simulated.
+        fps: frames per second, > 0.
+        provenance: facts to keep in both files.
+
+    Raises:
+        UsdError: when nothing can be written to ``path``, or when that is one of the files that the stage consists of.
+    """
+
+    def __init__(self, path: str | os.PathLike, shot: Shot, fps: float, provenance: Mapping[str, Any]):
+        check_rate(fps)
+        self._target = output_target(path)
+        cache = Target(self._target.final.with_suffix(".cache.usdc"))
+        _spare_sources(shot, (self._target.final, cache.final))
+        self._shot = shot
+        rate = shot.stage.GetTimeCodesPerSecond()
+        clock = Clock(shot.start, rate / fps)
+        facts = {"version": __version__, **provenance, ASSET: shot.path.name}
+        file = GrowingStage(cache, _layer(cache.partial, shot.stage, fps, facts), clock)
+        try:
+            overs = {part.cloth.name: ClothOver(file.stage, part, shot.start, 0.5 * clock.step) for part in shot.parts}
+            for collider in shot.colliders:
+                file.stage.OverridePrim(collider).AddAppliedSchema(COLLISION_API)
+            super().__init__(file, float(fps), overs, [])
+            file.save()
+        except BaseException:
+            file.discard()
+            raise
+
+    def close(self) -> Path | None:
+        """Completes both files; returns the path of the shot, or None if there is not one frame.
+
+        Raises:
+            UsdError: when the disk does not take it; what is written so far is then kept.
+        """
+        if self._closed:
+            return self._target.final if self.frames else None
+        cache = super().close()
+        if cache is None:
+            return None
+        with as_usd_error(f"Cannot write the shot {self._target.final.name}"):
+            _finish(_Files(self._target, cache, self._shot))
+        return self._target.final
+
+
+@dataclass(frozen=True)
+class _Files:
+    """The shot to write, the finished cache layer, and what was simulated."""
+
+    target: Target
+    cache: Path
+    shot: Shot
+
+
+def _layer(path: Path, source: Usd.Stage, fps: float, provenance: Mapping[str, Any]) -> Usd.Stage:
+    """A new stage of nothing but the cache layer, with the units of the stage it is to go over."""
+    with as_usd_error(f"Cannot write the cache {path.name}"):
+        stage = Usd.Stage.CreateNew(str(path))
+    _set_units(stage, source, fps)
+    stage.GetRootLayer().customLayerData = with_provenance({}, provenance)
+    root = _root(source)
+    stage.OverridePrim(root.GetPath())
+    stage.SetDefaultPrim(stage.GetPrimAtPath(root.GetPath()))
+    if not Usd.ModelAPI(root).GetKind():
+        parts = any(Usd.ModelAPI(prim).GetKind() for prim in Usd.PrimRange(root))
+        kind = Kind.Tokens.assembly if parts else Kind.Tokens.component
+        Usd.ModelAPI(stage.GetPrimAtPath(root.GetPath())).SetKind(kind)
+    return stage
+
+
+def _set_units(stage: Usd.Stage, source: Usd.Stage, fps: float) -> None:
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.GetStageUpAxis(source))
+    UsdGeom.SetStageMetersPerUnit(stage, UsdGeom.GetStageMetersPerUnit(source))
+    UsdPhysics.SetStageKilogramsPerUnit(stage, UsdPhysics.GetStageKilogramsPerUnit(source))
+    stage.SetTimeCodesPerSecond(source.GetTimeCodesPerSecond())
+    stage.SetFramesPerSecond(fps)
+
+
+def _root(source: Usd.Stage) -> Usd.Prim:
+    return source.GetDefaultPrim() or source.GetPseudoRoot().GetChildren()[0]
+
+
+def _finish(files: _Files) -> None:
+    """Writes the shot beside the cache; packs both where that is asked for."""
+    target = files.target
+    packed = target.final.suffix == ".usdz"
+    draft = target.converted.with_suffix(".usda") if packed else target.converted
+    _write_shot(draft, files)
+    if packed:
+        if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(draft)), str(target.converted), _packed_name(target)):
+            raise UsdError(f"Cannot write {target.final.name}: the stage cannot be packed; use .usda in its place.")
+        draft.unlink()
+    publish(target)
+    if packed:
+        files.cache.unlink()
+    stale = Sdf.Layer.Find(str(target.final))
+    if stale:  # somebody in this process still has the file open that was just replaced
+        stale.Reload(force=True)
+
+
+def _packed_name(target: Target) -> str:
+    return target.final.with_suffix(".usda").name
+
+
+def _write_shot(path: Path, files: _Files) -> None:
+    """A layer with the cache over the stage, and the stage's own settings, which sublayers do not pass on."""
+    path.unlink(missing_ok=True)
+    source, asset = files.shot.stage, files.shot.stage.GetRootLayer()
+    layer = Sdf.Layer.CreateNew(str(path))
+    keep = {"subLayers", "subLayerOffsets", "primChildren", "customLayerData", "documentation"}
+    for key in asset.pseudoRoot.ListInfoKeys():
+        if key not in keep:
+            layer.pseudoRoot.SetInfo(key, asset.pseudoRoot.GetInfo(key))
+    layer.subLayerPaths = [_reference(files.cache, path), _reference(Path(asset.realPath), path)]
+    cache = Sdf.Layer.FindOrOpen(str(files.cache))
+    stage = Usd.Stage.Open(layer)
+    _set_units(stage, source, cache.framesPerSecond)
+    stage.SetStartTimeCode(cache.startTimeCode)
+    stage.SetEndTimeCode(cache.endTimeCode)
+    stage.SetDefaultPrim(stage.GetPrimAtPath(_root(source).GetPath()))
+    layer.customLayerData = {**asset.customLayerData, PROVENANCE: cache.customLayerData[PROVENANCE]}
+    layer.Save()
+
+
+def _reference(file: Path, shot: Path) -> str:
+    """How the shot names another file: relative to itself where both lie in one tree and may move together."""
+    relative = Path(os.path.relpath(file, shot.parent))
+    if os.path.commonpath([file.absolute(), shot.absolute()]) == file.absolute().anchor:
+        return file.absolute().as_posix()
+    text = relative.as_posix()
+    return text if text.startswith("../") else f"./{text}"
+
+
+def _spare_sources(shot: Shot, outputs: tuple[Path, ...]) -> None:
+    """Refuses to write over a file that the stage consists of.
+
+    Raises:
+        UsdError: naming it.
+    """
+    sources = {Path(layer.realPath).resolve() for layer in shot.stage.GetUsedLayers() if layer.realPath}
+    for output in outputs:
+        if output.resolve() in sources:
+            rule = "give another name with -o"
+            raise UsdError(f"Cannot write {output.name}: the stage {shot.path.name} consists of it; {rule}.")

@@ -1,0 +1,153 @@
+"""Pins of a cloth in a stage: subsets of its mesh, or a primvar; they follow the animation that the mesh comes with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from warpcloth.cloth import PinSpec
+from warpcloth.errors import UsdError
+from warpcloth.motion import Motion
+from warpcloth.transforms import apply
+
+from ..usd.opening import transform_codes, world_matrix
+from ..usd.rigid import are_rigid, rigid_motion
+from ..usd.samples import as_vectors
+from .motions import noted_motion
+
+FAMILY = "pins"
+PRIMVARS = ("pins", "pintoanimation")  # ours, and Houdini's
+HELD = 0.5  # of a primvar, from which on a point is held
+FIRST = Usd.TimeCode.EarliestTime()
+
+
+@dataclass(frozen=True, eq=False)
+class MeshAnimation:
+    """How a mesh moves by itself in its stage.
+
+    Attributes:
+        mesh: it.
+        start: time code of second 0.
+        codes: time codes at which its points or its transform are sampled, in order; none if it stands still.
+        deforms: whether its points are sampled.
+    """
+
+    mesh: UsdGeom.Mesh
+    start: float
+    codes: list[float]
+    deforms: bool
+
+    @staticmethod
+    def of(mesh: UsdGeom.Mesh, start: float) -> "MeshAnimation":
+        """That of a mesh."""
+        points = mesh.GetPointsAttr()
+        deforms = points.ValueMightBeTimeVarying()
+        codes = set(transform_codes(mesh.GetPrim())) | set(points.GetTimeSamples() if deforms else ())
+        return MeshAnimation(mesh, start, sorted(codes), deforms)
+
+    def points(self, code: float) -> np.ndarray:
+        """World positions [m] of the mesh's points, shape [n, 3].
+
+        Raises:
+            UsdError: their number changes, or they are not finite.
+        """
+        values = as_vectors(self.mesh.GetPointsAttr().Get(code if self.deforms else FIRST))
+        count = len(self.mesh.GetPointsAttr().Get(FIRST) or ())
+        where = f"Cloth {self.mesh.GetPath()} has"
+        if len(values) != count:
+            raise UsdError(
+                f"{where} {count} points at first but {len(values)} at time code {code:g}; cloth keeps its mesh."
+            )
+        if not np.isfinite(values).all():
+            raise UsdError(f"{where} points that are not finite numbers at time code {code:g}.")
+        return apply(world_matrix(self.mesh.GetPrim(), code), values)
+
+    def motions(self, indices: np.ndarray, first: np.ndarray) -> list[PinSpec]:
+        """Pins at ``indices`` that follow it from where they are ``first`` [m], shape [k, 3]."""
+        prim = self.mesh.GetPrim()
+        if not self.codes:
+            return [PinSpec(indices)]
+        seconds = (np.array(self.codes) - self.start) / prim.GetStage().GetTimeCodesPerSecond()
+        matrices = [world_matrix(prim, code) for code in self.codes]
+        rest = world_matrix(prim, self.start)
+        if not self.deforms and are_rigid(rest, matrices):
+            return [PinSpec(indices, rigid_motion(rest, seconds, matrices))]
+        paths = np.stack([self.points(code)[indices] for code in self.codes], axis=1) - first[:, None]
+        still = np.zeros((len(seconds), 3))
+        return [PinSpec([i], Motion(seconds, path, still)) for i, path in zip(indices.tolist(), paths, strict=True)]
+
+
+def read_pins(animation: MeshAnimation, first: np.ndarray, particle_of: np.ndarray) -> list[PinSpec]:
+    """The pins of a mesh.
+
+    Args:
+        animation: of the mesh.
+        first: world positions of its points at the start [m], shape [n, 3].
+        particle_of: particle of each of its points, −1 for none, shape [n].
+
+    Raises:
+        UsdError: they refer to points that do not exist.
+    """
+    mesh = animation.mesh
+    following, led = [_primvar_pins(mesh, len(first))], []
+    for subset in UsdGeom.Subset.GetAllGeomSubsets(mesh):
+        if subset.GetFamilyNameAttr().Get() == FAMILY or subset.GetPrim().GetName() == FAMILY:
+            indices = _subset_points(mesh, subset, len(first))
+            motion = noted_motion(subset.GetPrim(), world_matrix(mesh.GetPrim(), animation.start))
+            if motion is None:
+                following.append(indices)
+            else:
+                led.append(PinSpec(_particles(indices, particle_of), motion))
+    held = np.unique(np.concatenate(following))
+    held = held[particle_of[held] >= 0]
+    if held.size == 0:
+        return led
+    _, once = np.unique(particle_of[held], return_index=True)
+    pins = animation.motions(held[once], first[held[once]])
+    return [PinSpec(_particles(np.atleast_1d(pin.select), particle_of), pin.motion) for pin in pins] + led
+
+
+def _particles(points: np.ndarray, particle_of: np.ndarray) -> np.ndarray:
+    found = np.unique(particle_of[points])
+    return found[found >= 0]
+
+
+def _primvar_pins(mesh: UsdGeom.Mesh, count: int) -> np.ndarray:
+    """Points at which a primvar of pins is at least one half."""
+    held = np.zeros(count, bool)
+    for name in PRIMVARS:
+        primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar(name)
+        values = primvar.ComputeFlattened(FIRST) if primvar and primvar.HasAuthoredValue() else None
+        if values is None:
+            continue
+        weights = np.atleast_1d(np.array(values, float))
+        if weights.shape == (1,):
+            weights = np.full(count, weights[0])
+        if weights.shape != (count,):
+            rule = "one for each point"
+            raise UsdError(
+                f"Cloth {mesh.GetPath()} has {len(weights)} values of primvars:{name}, but needs {rule}: {count}."
+            )
+        held |= weights >= HELD
+    return np.flatnonzero(held)
+
+
+def _subset_points(mesh: UsdGeom.Mesh, subset: UsdGeom.Subset, count: int) -> np.ndarray:
+    """Points of a subset of points or faces."""
+    where = subset.GetPath()
+    indices = np.array(subset.GetIndicesAttr().Get(FIRST) or [], np.int64)
+    kind = subset.GetElementTypeAttr().Get()
+    if kind == UsdGeom.Tokens.face:
+        counts = np.array(mesh.GetFaceVertexCountsAttr().Get(FIRST), np.int64)
+        limit = len(counts)
+    elif kind == UsdGeom.Tokens.point:
+        limit = count
+    else:
+        raise UsdError(f"The pins {where} are a subset of {kind}s; make it one of points or faces.")
+    wrong = indices[(indices < 0) | (indices >= limit)]
+    if wrong.size:
+        raise UsdError(f"The pins {where} name {kind} {wrong[0]}, which is not one of 0 to {limit - 1}.")
+    if kind == UsdGeom.Tokens.point:
+        return np.unique(indices)
+    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(FIRST), np.int64)
+    return np.unique(corners[np.isin(np.repeat(np.arange(limit), counts), indices)])

@@ -1,0 +1,99 @@
+"""A stage as the simulator sees it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pxr import Sdf, Usd
+
+from warpcloth.cloth import Cloth
+from warpcloth.errors import UsdError
+from warpcloth.fabric import Fabric
+from warpcloth.obstacles import Obstacle
+
+from ..usd.failures import as_usd_error, quietly
+from ..usd.obstacle_reader import is_collider, read_obstacle
+from ..usd.opening import transform_codes, world_matrix
+from .cloth_prims import cloth_meshes, cloth_names, is_deformable, prim_at
+from .cloth_reader import ShotCloth, read_cloth
+from .motions import noted_motion, same_motion
+from .opening import first_code, open_shot
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """What of a stage is simulated.
+
+    Attributes:
+        path: of its file.
+        stage: it, open; never written to.
+        start: time code of second 0.
+        parts: its cloths.
+        obstacles: what they collide with [m], Z up.
+        colliders: paths of prims that are colliders only because a user said so.
+    """
+
+    path: Path
+    stage: Usd.Stage
+    start: float
+    parts: list[ShotCloth]
+    obstacles: list[Obstacle]
+    colliders: tuple[Sdf.Path, ...]
+
+    @property
+    def cloths(self) -> list[Cloth]:
+        """The cloths alone."""
+        return [part.cloth for part in self.parts]
+
+
+def read_shot(
+    path: Path, cloth: Sequence[str] = (), collider: Sequence[str] = (), fabric: Fabric | None = None
+) -> Shot:
+    """Reads what is to be simulated from a stage.
+
+    Args:
+        path: of a USD file.
+        cloth: paths of prims that are cloth, see :func:`cloth_meshes`.
+        collider: paths of further colliders, or of parents of some.
+        fabric: what the cloth is made of; None: as its materials say.
+
+    Raises:
+        UsdError: the stage cannot be read, has no cloth, or something in it cannot be used; MeshError: likewise.
+    """
+    stage = open_shot(path)
+    with as_usd_error(f"Cannot read {path.name}"), quietly():
+        start = first_code(stage)
+        meshes = cloth_meshes(stage, cloth, path.name)
+        parts = [read_cloth(mesh, name, start, fabric) for mesh, name in zip(meshes, cloth_names(meshes), strict=True)]
+        taken = {mesh.GetPath() for mesh in meshes}
+        prims = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+        marked = [prim for prim in prims if is_collider(prim) and prim.GetPath() not in taken]
+        added = [prim for where in collider for prim in _gprims(stage, where, path.name) if prim not in marked]
+        if any(prim.GetPath() in taken for prim in added):
+            raise UsdError(f"Prim {collider[0]} in {path.name} cannot be both cloth and collider.")
+        obstacles = [_obstacle(prim, start) for prim in [*marked, *added]]
+    return Shot(path, stage, start, parts, obstacles, tuple(prim.GetPath() for prim in added))
+
+
+def _gprims(stage: Usd.Stage, path: str, file: str) -> list[Usd.Prim]:
+    """The shapes at or below a path."""
+    from pxr import UsdGeom
+
+    below = Usd.PrimRange(prim_at(stage, path, file), Usd.TraverseInstanceProxies())
+    found = [prim for prim in below if prim.IsA(UsdGeom.Gprim) and not is_deformable(prim)]
+    if not found:
+        raise UsdError(f"Prim {path} in {file} has no shape in it that cloth could collide with.")
+    return found
+
+
+def _obstacle(prim: Usd.Prim, start: float) -> Obstacle:
+    """A collider, moving by the keys noted on it as long as its samples say the same."""
+    obstacle = read_obstacle(prim, start)
+    rest = world_matrix(prim, Usd.TimeCode.Default())
+    motion, codes = noted_motion(prim, rest), transform_codes(prim)
+    if motion is None or getattr(obstacle, "sample_times", None) is not None:
+        return obstacle
+    seconds = [(code - start) / prim.GetStage().GetTimeCodesPerSecond() for code in codes]
+    matrices = [world_matrix(prim, code) for code in codes]
+    agrees = same_motion(motion, obstacle.centre, rest, seconds, matrices)
+    return replace(obstacle, motion=motion) if agrees else obstacle

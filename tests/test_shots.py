@@ -1,0 +1,225 @@
+"""USD stages simulated from beginning to end: what comes out beside the stage, which stays as it is."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from shot_files import (
+    add_ball,
+    add_cloth,
+    add_mesh,
+    cached_points,
+    new_stage,
+    pin_points,
+    sheet,
+    small_shot,
+    to_stage,
+)  # fmt: skip
+from warpcloth.scenes import export_scene, load_scene, scene_from_toml, simulate
+from warpcloth.scenes.usd import check_cache
+from warpcloth.scenes.usd.check_stage import validator_errors
+
+from warpcloth.cli import run
+
+ASSETS = Path(warp.__file__).parent / "examples" / "assets"
+
+
+def simulated(stage, output=None, cloth=(), collider=(), changes=(), **options):
+    """The shot that comes out, checked; it has no errors but those of the assets that it refers to."""
+    scene = load_scene(stage, changes, cloth=cloth, collider=collider)
+    result = simulate(scene, output or stage.with_name(f"{stage.stem}_sim.usda"), device="cpu", **options)
+    report = check_cache(result.output)
+    assert set(report.usd_errors) <= set(validator_errors(Usd.Stage.Open(str(stage)), stage))
+    assert report.finite
+    assert report.max_penetration_m < 1e-3
+    assert report.obstacle_intersections == 0
+    return result
+
+
+def test_a_stage_is_simulated_beside_itself(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    asset = small_shot(tmp_path / "shot.usda").read_bytes()
+    assert run(["simulate", "shot.usda", "--device", "cpu", "--json"]) == 0
+    out, err = capfd.readouterr()
+    result = json.loads(out)
+    assert (result["scene"], result["frames"], result["particles"]) == ("shot", 4, 25)
+    assert result["output"] == str(tmp_path / "shot_sim.usda")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["shot.usda", "shot_sim.cache.usdc", "shot_sim.usda"]
+    assert (tmp_path / "shot.usda").read_bytes() == asset
+    assert run(["check", "shot_sim.usda"]) == 0
+    shot = Sdf.Layer.FindOrOpen(str(tmp_path / "shot_sim.usda"))
+    assert list(shot.subLayerPaths) == ["./shot_sim.cache.usdc", "./shot.usda"]
+    assert not shot.rootPrims
+    cache = Sdf.Layer.FindOrOpen(str(tmp_path / "shot_sim.cache.usdc"))
+    assert all(prim.specifier == Sdf.SpecifierOver for prim in cache.rootPrims)
+    start, end = (cached_points("shot_sim.usda", "/World/Shirt", code) for code in (0, 4))
+    np.testing.assert_allclose(start, sheet()[0], atol=1e-7)
+    moved = np.linalg.norm(end - start, axis=1)
+    assert np.all(moved[[0, 4]] < 1e-7)
+    assert np.all(moved[5:] > 1e-3)
+    assert err == ""
+
+
+def test_axes_units_and_time_codes_of_the_stage_are_kept(tmp_path):
+    """The same shot in other words gives the same motion in other words."""
+    plain = simulated(small_shot(tmp_path / "a.usda"), substeps=40)
+    other = {"up": "Y", "metres": 0.01, "kilograms": 0.001, "rate": 48.0, "fps": 24.0, "start": 1001.0}
+    told = simulated(small_shot(tmp_path / "b.usda", **other), substeps=40)
+    stage = Usd.Stage.Open(str(told.output))
+    assert UsdGeom.GetStageUpAxis(stage) == "Y"
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1001.0, 1009.0)
+    assert (stage.GetTimeCodesPerSecond(), stage.GetFramesPerSecond()) == (48.0, 24.0)
+    mesh = UsdGeom.Mesh.Get(stage, "/World/Shirt")
+    assert mesh.GetPointsAttr().GetTimeSamples() == [1001.0, 1003.0, 1005.0, 1007.0, 1009.0]
+    for frame in range(5):
+        expected = to_stage(stage, cached_points(plain.output, "/World/Shirt", frame))
+        found = cached_points(told.output, "/World/Shirt", 1001.0 + 2 * frame)
+        np.testing.assert_allclose(found, expected, atol=2e-4)  # cm: a few roundings of 0.5 m in single precision
+
+
+@pytest.mark.filterwarnings("ignore:Fabric 'cotton' stretches")  # all diagonals of the asset lie one way
+def test_assets_of_other_axes_and_units_composed_by_reference(tmp_path):
+    """Warp's square cloth (Z up, 150 m) over its bunny (Y up) in a stage that is Y up and in centimetres."""
+    path = tmp_path / "shot.usda"
+    stage = new_stage(path, up="Y", metres=0.01, frames=6)
+    cloth, bunny = (stage.DefinePrim(f"/World/{name}") for name in ("cloth", "bunny"))
+    cloth.GetReferences().AddReference(str(ASSETS / "square_cloth.usd"), "/root/cloth")
+    bunny.GetPayloads().AddPayload(str(ASSETS / "bunny.usd"))
+    UsdGeom.XformCommonAPI(cloth).SetScale((0.4, 0.4, 0.4))
+    UsdGeom.XformCommonAPI(cloth).SetRotate((0.0, 0.0, 0.0))  # in its own file it is turned for Z up
+    UsdGeom.XformCommonAPI(cloth).SetTranslate((0.0, 54.5, 0.0))
+    UsdGeom.XformCommonAPI(bunny).SetScale((33.0, 33.0, 33.0))
+    stage.Save()
+    result = simulated(
+        path,
+        cloth=["/World/cloth"],
+        collider=["/World/bunny"],
+        changes=["stage.fabric=cotton", "simulation.contact=all"],
+        integrator="xpbd",
+    )
+    assert result.particles == 2500
+    start, end = (cached_points(result.output, "/World/cloth/cloth", code) for code in (0, 6))
+    np.testing.assert_allclose(np.ptp(start, axis=0), (60.0, 0.0, 40.0), atol=1e-3)
+    fallen = start[:, 1] - end[:, 1]
+    drop = 100.0 * 0.5 * 9.81 * (6.0 / 24.0) ** 2
+    assert np.median(fallen) > 0.2 * drop  # what is not over the bunny falls ...
+    assert fallen.min() < 0.05 * drop  # ... and its head holds the middle up
+    assert result.max_penetration_m < 1e-3
+
+
+def test_a_collider_with_sampled_points_lifts_cloth(tmp_path):
+    path = tmp_path / "shot.usda"
+    stage = new_stage(path, start=10.0, frames=6)
+    add_cloth(stage)
+    points, counts, indices = sheet(2, 1.0, 0.49)
+    lid = add_mesh(stage, "/World/Lid", (points, counts, indices))
+    UsdPhysics.CollisionAPI.Apply(lid.GetPrim())
+    for frame in range(7):
+        lifted = points + np.array((0.0, 0.0, 0.01 * frame))
+        lid.GetPointsAttr().Set(to_stage(stage, lifted), 10.0 + frame)
+        lid.GetExtentAttr().Set(UsdGeom.PointBased.ComputeExtent(to_stage(stage, lifted)), 10.0 + frame)
+    for attribute in (lid.GetPointsAttr(), lid.GetExtentAttr(), lid.GetNormalsAttr()):
+        attribute.ClearDefault()  # as most tools write what is sampled
+    lid.GetSubdivisionSchemeAttr().Set("catmullClark")
+    stage.Save()
+    result = simulated(path, integrator="xpbd")
+    heights = [cached_points(result.output, "/World/Shirt", 10.0 + frame)[:, 2] for frame in range(7)]
+    assert heights[-1].min() > 0.549  # 6 cm higher than the lid was
+    assert heights[-1].max() < 0.7
+
+
+def test_held_points_follow_the_animation_that_the_mesh_comes_with(tmp_path):
+    path = tmp_path / "shot.usda"
+    stage = new_stage(path)
+    cloth = add_cloth(stage)
+    pin_points(cloth, [0, 1, 2, 3, 4])
+    move = UsdGeom.Xformable(stage.GetPrimAtPath("/World")).AddTranslateOp()
+    for frame in range(5):
+        move.Set(Gf.Vec3d(0.01 * frame, 0.0, 0.0), frame)
+    stage.Save()
+    result = simulated(path)
+    for frame in range(5):
+        held = cached_points(result.output, "/World/Shirt", frame)[:5]
+        np.testing.assert_allclose(held, sheet()[0][:5] + np.array((0.01 * frame, 0.0, 0.0)), atol=1e-6)
+
+
+def test_one_instance_is_simulated_and_the_other_is_left_alone(tmp_path):
+    shirt = new_stage(tmp_path / "shirt.usda")
+    add_cloth(shirt, "/World/Shirt")
+    shirt.Save()
+    stage = new_stage(tmp_path / "shot.usda")
+    for name, x in (("a", 0.0), ("b", 1.0)):
+        prim = stage.DefinePrim(f"/World/{name}", "Xform")
+        prim.GetReferences().AddReference("./shirt.usda")
+        prim.SetInstanceable(True)
+        UsdGeom.XformCommonAPI(prim).SetTranslate((x, 0.0, 0.0))
+    stage.Save()
+    result = simulated(tmp_path / "shot.usda", cloth=["/World/b"])
+    assert result.particles == 25
+    shot = Usd.Stage.Open(str(result.output))
+    assert shot.GetPrimAtPath("/World/a").IsInstance()
+    assert not shot.GetPrimAtPath("/World/b").IsInstance()
+    still = [cached_points(result.output, "/World/a/Shirt", code) for code in (0, 4)]
+    assert np.array_equal(*still)
+    assert np.all(cached_points(result.output, "/World/b/Shirt", 4)[:, 2] < 0.45)
+
+
+@pytest.mark.parametrize("ending", [".usdc", ".usdz"])
+def test_packages_in_and_out(tmp_path, ending):
+    export_scene(scene_from_toml(NAPKIN), tmp_path / "napkin.usdz")
+    (tmp_path / "out").mkdir()
+    result = simulated(tmp_path / "napkin.usdz", tmp_path / "out" / f"napkin{ending}")
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == (["napkin.usdz"] if ending == ".usdz" else ["napkin.cache.usdc", "napkin.usdc"])
+    assert result.particles == 81
+    start, end = (cached_points(result.output, "/World/Cloth/napkin/mesh", code) for code in (0, 3))
+    assert np.all(end[:, 2] < start[:, 2])
+
+
+NAPKIN = """
+frames = 3
+[simulation]
+integrator = "xpbd"
+[[cloth]]
+name = "napkin"
+shape = "grid"
+resolution = [9, 9]
+size = [0.4, 0.4]
+position = [0.1, 0.2, 0.42]
+rotation = [20.0, 10.0, 30.0]
+fabric = "cotton"
+[[obstacle]]
+shape = "sphere"
+radius = 0.2
+center = [0.1, 0.2, 0.05]
+motion.interpolation = "smooth"
+motion.keys = [{ time = 0.0 }, { time = 0.2, position = [0.0, 0.0, 0.1] }]
+"""
+
+
+def test_an_exported_scene_moves_like_the_scene(tmp_path):
+    """Model and steps are the same; local coordinates in single precision are what tells them apart."""
+    scene = scene_from_toml(NAPKIN, name="napkin")
+    told = simulated(export_scene(scene, tmp_path / "napkin.usda"))
+    plain = simulate(scene, tmp_path / "plain.usdc", device="cpu")
+    for frame in range(4):
+        expected = cached_points(plain.output, "/World/Cloth/napkin", frame)
+        found = cached_points(told.output, "/World/Cloth/napkin/mesh", frame)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-7)
+
+
+def test_output_must_spare_what_the_stage_consists_of(tmp_path):
+    add_ball(stage := new_stage(tmp_path / "set.usda"))
+    stage.Save()
+    path = small_shot(tmp_path / "shot.usda")
+    layer = Sdf.Layer.FindOrOpen(str(path))
+    layer.subLayerPaths = ["./set.usda"]
+    layer.Save()
+    before = [(tmp_path / name).read_bytes() for name in ("set.usda", "shot.usda")]
+    for output in ("shot.usda", "set.usda"):
+        assert run(["simulate", str(path), "-o", str(tmp_path / output)]) == 2
+    assert [(tmp_path / name).read_bytes() for name in ("set.usda", "shot.usda")] == before
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["set.usda", "shot.usda"]
