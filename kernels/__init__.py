@@ -25,6 +25,7 @@ class KernelSet:
         if variant not in VARIANTS:
             raise ValueError(f"unknown kernel variant {variant!r}; there are {', '.join(VARIANTS)}")
         self.variant = variant
+        self.differentiable = variant.endswith("_grad")
         self._package = f"{__name__}.{variant}"
         if self._package not in sys.modules:
             package = types.ModuleType(self._package, f"The {variant} variant of {__name__}.")

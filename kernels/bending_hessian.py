@@ -11,9 +11,9 @@ import warp as wp
 
 from .bending import BendingModel, Moments, entry_force, tangent_sum, weighted_sum
 from .bending_law import damping_direction, friction_scale, friction_tangent
-from .precision import OPTIONS, mat33, real, vec3
+from .precision import FORWARD_ONLY, mat33, real, vec3
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
 @wp.func

@@ -4,7 +4,7 @@ import sys
 
 import warp as wp
 
-from .obstacle_contact import surface_point, to_float3
+from .obstacle_hit import surface_point, to_float3
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import MESH, Placement, Shapes, distance, to_local
 

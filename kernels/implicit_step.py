@@ -8,9 +8,9 @@ import sys
 import warp as wp
 
 from .conjugate_gradient import Lanes, Solves, world_sum
-from .precision import OPTIONS, real, vec3
+from .precision import FORWARD_ONLY, real, vec3
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 FADE = wp.constant(0.5)
 

@@ -11,7 +11,7 @@ import sys
 
 import warp as wp
 
-from .obstacle_contact import find_hit
+from .obstacle_hit import find_hit
 from .precision import OPTIONS, mat33, real, vec3
 from .shapes import Placement, Shapes, to_local, to_world
 

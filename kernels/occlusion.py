@@ -8,9 +8,9 @@ import sys
 
 import warp as wp
 
-from .precision import OPTIONS
+from .precision import FORWARD_ONLY
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 BEHIND = wp.constant(wp.float32(-0.2))  # cosine to the sun below which a point cannot see it, however its surface bends
 

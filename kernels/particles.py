@@ -24,6 +24,19 @@ def set_gravity_force(
 
 
 @wp.kernel
+def invert_masses(
+    # Model
+    particle_mass: wp.array(dtype=real),
+    # Out
+    particle_inv_mass_out: wp.array(dtype=real),
+):
+    """1/m of free particles, after masses have changed; that of pinned ones stays 0."""
+    i = wp.tid()
+    if particle_inv_mass_out[i] > real(0.0):
+        particle_inv_mass_out[i] = real(1.0) / particle_mass[i]
+
+
+@wp.kernel
 def add_force(
     # State in
     force: wp.array(dtype=vec3),

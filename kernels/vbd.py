@@ -12,10 +12,10 @@ import sys
 
 import warp as wp
 
-from .precision import OPTIONS, real, vec3
+from .precision import FORWARD_ONLY, real, vec3
 from .spring_law import spring_damping_matrix, spring_force, spring_stiffness_matrix
 
-wp.set_module_options(OPTIONS, module=sys.modules[__name__])
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
 @wp.kernel

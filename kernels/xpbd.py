@@ -25,6 +25,23 @@ wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
 
 @wp.kernel
+def arrange_law(
+    # Model
+    spring_order: wp.array(dtype=wp.int32),
+    spring_rest_length: wp.array(dtype=real),
+    spring_stiffness: wp.array(dtype=real),
+    spring_damping: wp.array(dtype=real),
+    # Out
+    spring_law_out: wp.array(dtype=vec3),
+):
+    """(r [m], k_s/r [N/m], k_d/r [N s/m]) of the springs in the order of their colours."""
+    j = wp.tid()
+    s = spring_order[j]
+    r = spring_rest_length[s]
+    spring_law_out[j] = vec3(r, spring_stiffness[s] / r, spring_damping[s] / r)
+
+
+@wp.kernel
 def solve_springs(
     # Model
     spring_ends: wp.array(dtype=wp.vec2i),

@@ -83,8 +83,9 @@ class CollisionShapes:
         items = [row[1] for row in self.obstacles]
         frames = [_frame(o) for o in items]
 
-        def column(values: Any, dtype: type, width: tuple[int, ...] = ()) -> wp.array:
-            return wp.array(np.array(values).reshape(-1, *width), dtype=dtype, device=device)
+        def column(values: Any, dtype: type, width: tuple[int, ...] = (), requires_grad: bool = False) -> wp.array:
+            rows = np.array(values).reshape(-1, *width)
+            return wp.array(rows, dtype=dtype, device=device, requires_grad=requires_grad)
 
         shapes = k.shapes.Shapes()
         shapes.world_start = column(np.searchsorted(worlds, np.arange(world_count + 1)).astype(np.int32), wp.int32)
@@ -95,8 +96,8 @@ class CollisionShapes:
         shapes.mesh = column(np.array(ids, np.uint64), wp.uint64)
         shapes.mesh_speed = column(speeds, real)
         shapes.thickness = column([o.thickness for o in items], real)
-        shapes.friction = column([o.friction for o in items], real)
-        shapes.restitution = column([o.restitution for o in items], real)
+        shapes.friction = column([o.friction for o in items], real, requires_grad=self.kernels.differentiable)
+        shapes.restitution = column([o.restitution for o in items], real, requires_grad=self.kernels.differentiable)
         shapes.track = column(np.array([row[2] for row in self.obstacles], np.int32), wp.int32)
         shapes.rest_position = column([f[2] for f in frames], wp.vec3d, (3,))
         shapes.rest_rotation = column([f[3] for f in frames], wp.vec3d, (3,))

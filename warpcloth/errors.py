@@ -28,6 +28,10 @@ class UsdError(InputError):
     """A USD file that cannot be read, or is not what was asked for."""
 
 
+class NotDifferentiableError(InputError):
+    """Gradients were asked for of something that has none; the message says what, and what has them instead."""
+
+
 class MissingExtraError(WarpclothError, ImportError):
     """An optional library is not installed; the message names the extra that brings it."""
 

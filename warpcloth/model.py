@@ -57,6 +57,7 @@ class Model:
             particle_bend_elements: the entries of each particle in rising order, and their elements (compressed rows).
         moving_pins, tracks: prescribed motions. shapes: obstacles.
         cloths: a :class:`ClothRange` for each cloth.
+        differentiable: whether the kernels have adjoints.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class Model:
     ):
         self.precision = validate.choice(precision, tuple(PRECISIONS), "precision")
         self.device = find_device(device)
+        self.differentiable = differentiable
         self.kernels = KernelSet(variant_name(self.precision, differentiable=differentiable))
         self.world_count = world_count
         self.particle_count = len(parts.positions)
@@ -169,9 +171,13 @@ class Model:
         parts = parts_of_network(positions, masses, springs, rest_lengths, k_s, k_d, pinned, velocities)
         return Model(parts, device=device, precision=precision, differentiable=differentiable)
 
-    def array(self, values: Any, dtype: type) -> wp.array:
-        """A Warp array on the model's device."""
-        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+    def array(self, values: Any, dtype: type, *, requires_grad: bool = False) -> wp.array:
+        """A Warp array on the model's device.
+
+        Arrays in structs that gradients are taken with respect to must have them before they come into the struct.
+        """
+        values = np.ascontiguousarray(values)
+        return wp.array(values, dtype=dtype, device=self.device, requires_grad=requires_grad)
 
     def _upload(self, parts: Parts) -> None:
         real, vec3 = self.real, self.vec3
@@ -212,9 +218,10 @@ class Model:
         model.particle = self.array(elements.particles, wp.int32)
         model.weight = self.array(elements.weights[:, 0], self.real)
         model.tangent = self.array(elements.weights[:, 1:], vec2)
-        model.law = self.array(np.stack([elements.stiffness, damping, elements.rest_curvature], axis=1), self.vec3)
+        law = np.stack([elements.stiffness, damping, elements.rest_curvature], axis=1)
+        model.law = self.array(law, self.vec3, requires_grad=self.differentiable)
         friction = np.stack([elements.friction_stiffness, elements.slip_moment], axis=1)
-        model.friction = self.array(friction, vec2)
+        model.friction = self.array(friction, vec2, requires_grad=self.differentiable)
         model.turning_end = self.array(elements.turning_end, wp.int32)
         model.turning = int(elements.turning)
         self.bending = model

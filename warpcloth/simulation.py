@@ -187,6 +187,16 @@ class Simulation:
             raise missed_pairs()
         self.time = float(self.state.world_time.numpy().max())
 
+    def substep(self, dt: float) -> None:
+        """One step of the integrator, dt [s], without what :meth:`step` does for whole frames: no automatic substeps,
+        no checks, no contact among cloths; ``time`` stays, the worlds' clocks go on. For gradients."""
+        self._substep(self.state, self._other, dt)
+        self.state.copy_from(self._other)
+
+    def substeps_for(self, dt: float) -> int:
+        """How many substeps a frame of dt [s] from here takes."""
+        return self._stable_substeps(dt) if self._auto else self.substeps
+
     def run(self, frames: int, fps: float = 60.0, on_frame: Callable[["Simulation", int], None] | None = None) -> None:
         """``frames`` frames of 1/fps [s]; ``on_frame(simulation, number)`` after each, numbers from 1."""
         dt = 1.0 / validate.number(fps, "fps", above=0.0)

@@ -1,7 +1,7 @@
 """Forces: terms over one model, summed by :class:`Forces`. A new one is a kernel file, a class and one line here."""
 
 from .air import AirDrag
-from .base import Forces, ForceTerm, Hessian, Linearization
+from .base import Differentiable, Forces, ForceTerm, Hessian, Linearization
 from .bending import Bending
 from .grabs import Grabs
 from .pressure import Pressure
@@ -10,6 +10,6 @@ from .strain_limit import StrainLimit
 from .user import AppliedForce, UserForce
 
 __all__ = [
-    "ASSEMBLIES", "AirDrag", "AppliedForce", "Bending", "ForceTerm", "Forces", "Grabs", "Hessian", "Linearization",
-    "Pressure", "Springs", "StrainLimit", "UserForce",
+    "ASSEMBLIES", "AirDrag", "AppliedForce", "Bending", "Differentiable", "ForceTerm", "Forces", "Grabs", "Hessian",
+    "Linearization", "Pressure", "Springs", "StrainLimit", "UserForce",
 ]  # fmt: skip

@@ -28,7 +28,8 @@ class AirDrag:
     def __init__(self, model: Model, airs: Sequence[Air]):
         self.model = model
         self.velocity_dependent = model.tri_count > 0 and any(air.density > 0.0 for air in airs)
-        self._per_triangle = wp.zeros(model.tri_count, dtype=model.vec3, device=model.device)
+        wide: dict[str, Any] = {"device": model.device, "requires_grad": model.differentiable}
+        self._per_triangle = wp.zeros(model.tri_count, dtype=model.vec3, **wide)
         self._wind = _upload(model, airs)
 
     def accumulate(self, state: State, time_offset: float) -> None:
@@ -73,6 +74,12 @@ class AirDrag:
             device=model.device,
         )
 
+    def parameters(self) -> dict[str, wp.array]:
+        """Coefficients [-] of each triangle; density [kg/m³] and mean wind [m/s] of each world."""
+        model, wind = self.model, self._wind
+        coefficients = {"tri_air_drag": model.tri_air_drag, "tri_air_friction": model.tri_air_friction}
+        return {**coefficients, "air_density": wind.density, "wind": wind.mean}
+
     def _law(self) -> list[Any]:
         model = self.model
         coefficients = [model.tri_corner_share, model.tri_air_drag, model.tri_air_friction]
@@ -95,8 +102,9 @@ def _upload(model: Model, airs: Sequence[Air]) -> Any:
     """The ``Wind`` struct of ``kernels/wind.py``."""
     wave, amplitude, rate, phase = (np.concatenate(parts) for parts in zip(*(air.waves() for air in airs), strict=True))
     wind = model.kernels.wind.Wind()
-    wind.density = model.array([air.density for air in airs], model.real)
-    wind.mean = model.array([air.wind for air in airs], model.vec3)
+    gradient: dict[str, Any] = {"requires_grad": model.differentiable}
+    wind.density = model.array([air.density for air in airs], model.real, **gradient)
+    wind.mean = model.array([air.wind for air in airs], model.vec3, **gradient)
     wind.gust = model.array([air.gust for air in airs], model.real)
     wind.gust_rate = model.array([2.0 * np.pi / air.gust_period for air in airs], wp.float64)
     wind.start = model.array(np.cumsum([0, *(len(air.waves()[0]) for air in airs)]), wp.int32)

@@ -79,6 +79,19 @@ class Remembering(Protocol):
         ...
 
 
+@runtime_checkable
+class Differentiable(Protocol):
+    """A force whose kernels have adjoints in differentiable models: a :class:`ForceTerm` that says what it depends on.
+
+    Its scratch arrays have gradients there, too (``requires_grad=model.differentiable``), and adjoints must find in
+    them what the latest evaluation left.
+    """
+
+    def parameters(self) -> dict[str, wp.array]:
+        """Arrays with respect to which there are gradients, by name."""
+        ...
+
+
 class Forces:
     """Gravity and all force terms of a simulation.
 

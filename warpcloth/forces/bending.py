@@ -1,6 +1,7 @@
 """Bending elements of the model as a force term."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import warp as wp
 
@@ -36,9 +37,10 @@ class Bending:
         law = self.elements.law.numpy()
         self.velocity_dependent = bool(law[:, 1].any())
         self.slips = bool(self.elements.friction.numpy().any())
-        self.slip = wp.zeros(model.bend_count, dtype=model.real, device=model.device)
+        wide: dict[str, Any] = {"device": model.device, "requires_grad": model.differentiable}
+        self.slip = wp.zeros(model.bend_count, dtype=model.real, **wide)
         count = model.bend_count if self.gathers else 0
-        self._moments = wp.zeros(count, dtype=model.kernels.bending.Moments, device=model.device)
+        self._moments = wp.zeros(count, dtype=model.kernels.bending.Moments, **wide)
         self._rows = [model.particle_bend_start, model.particle_bend_ids, model.particle_bend_elements]
 
     def accumulate(self, state: State, time_offset: float) -> None:
@@ -76,6 +78,10 @@ class Bending:
         out = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
         self._launch(model.kernels.bending.energy, [model.particle_world, self.slip, state.particle_q], out)
         return {"bending": float(out.numpy().sum())}
+
+    def parameters(self) -> dict[str, wp.array]:
+        """Of each element (k [N m³], k τ [N m³ s], κ₀ [1/m]), and of its friction (k_f [N m³], m_f [N m²])."""
+        return {"bend_law": self.elements.law, "bend_friction": self.elements.friction}
 
     def advance(self, state: State) -> None:
         """The end of a step: ``slip`` follows to ``state``."""

@@ -26,11 +26,13 @@ class Pressure:
         self.model = model
         self._bags = model.kernels.pressure.Bags()
         for name, values in model.bags.items():
-            setattr(self._bags, name, model.array(values, wp.int32 if name == "gas" else wp.float64))
+            dtype = wp.int32 if name == "gas" else wp.float64
+            setattr(self._bags, name, model.array(values, dtype, requires_grad=model.differentiable and name != "gas"))
         self._gas = bool(model.bags["gas"].any())
-        self._volume = wp.zeros(model.bag_count, dtype=wp.float64, device=model.device)
+        wide: dict[str, Any] = {"device": model.device, "requires_grad": model.differentiable}
+        self._volume = wp.zeros(model.bag_count, dtype=wp.float64, **wide)
         self._rate = wp.zeros_like(self._volume)
-        self._per_triangle = wp.zeros(model.tri_count, dtype=model.vec3, device=model.device)
+        self._per_triangle = wp.zeros(model.tri_count, dtype=model.vec3, **wide)
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds p N/3 [N] of every triangle to ``state.particle_f``."""
@@ -70,6 +72,10 @@ class Pressure:
         rows = [model.particle_corner_start, model.particle_corner_ids]
         inputs = [*rows, model.tri_indices, model.tri_bag, self._bags, at.state.particle_q, self._volume, at.stiffness]
         self._launch("diagonal", model.particle_count, inputs, out)
+
+    def parameters(self) -> dict[str, wp.array]:
+        """The pressure over the ambient one at rest [Pa] of each closed cloth."""
+        return {"bag_pressure": self._bags.pressure}
 
     def _measure(self, state: State) -> None:
         """Volumes of all closed cloths."""

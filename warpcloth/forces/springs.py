@@ -65,6 +65,11 @@ class Springs:
             device=model.device,
         )
 
+    def parameters(self) -> dict[str, wp.array]:
+        """Rest lengths [m], k_s [N] and k_d [N s], shape [spring_count]."""
+        names = ("spring_rest_length", "spring_stiffness", "spring_damping")
+        return {name: getattr(self.model, name) for name in names}
+
     def _law(self) -> list[wp.array]:
         model = self.model
         return [model.spring_indices, model.spring_rest_length, model.spring_stiffness, model.spring_damping]

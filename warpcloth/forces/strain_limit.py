@@ -44,6 +44,11 @@ class StrainLimit:
         inputs = [*self._rows(), *self._law(), at.state.particle_q, at.stiffness]
         self._launch("diagonal", self.model.particle_count, inputs, out)
 
+    def parameters(self) -> dict[str, wp.array]:
+        """Strain limit [-] and k_L [N] of each spring."""
+        names = ("spring_limit", "spring_limit_stiffness")
+        return {name: getattr(self.model, name) for name in names}
+
     def _rows(self) -> list[wp.array]:
         return [self.model.particle_spring_start, self.model.particle_spring_ids]
 

@@ -19,6 +19,9 @@ class UserForce:
     reading anything back. Automatic substeps do not know how stiff the force is. Implicit schemes converge without
     derivatives, slowly if the force is stiff; :meth:`hessian_product` and :meth:`hessian_diagonal` speed them up.
 
+    In differentiable models, gradients go through it if it has a method ``parameters``, see
+    :class:`~warpcloth.forces.Differentiable`.
+
     Attributes:
         name: of its energy in ``Simulation.energy()``.
         velocity_dependent: whether it depends on velocities, so that schemes must predict these.
@@ -73,6 +76,10 @@ class AppliedForce(UserForce):
             outputs=[state.particle_f],
             device=self.model.device,
         )
+
+    def parameters(self) -> dict[str, wp.array]:
+        """The forces [N]."""
+        return {"applied_force": self.force}
 
 
 def checked_forces(forces: Any) -> list[ForceTerm]:

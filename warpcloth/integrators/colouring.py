@@ -77,5 +77,8 @@ class SpringColours:
 
     def arranged(self, values: np.ndarray, dtype: type) -> list[wp.array]:
         """One array per colour from a row per spring: views of one piece of memory."""
-        whole = self.model.array(values[self.order], dtype)
+        return self.views(self.model.array(values[self.order], dtype))
+
+    def views(self, whole: wp.array) -> list[wp.array]:
+        """The part of each colour in an array in their order, shape [spring_count]."""
         return [whole[a:b] for a, b in zip(self.start[:-1].tolist(), self.start[1:].tolist(), strict=True)]

@@ -36,24 +36,17 @@ class PositionStep(Integrator):
         self.iterations = validate.integer(iterations, "iterations", minimum=1, maximum=MAX_ITERATIONS)
         self.warm_start = validate.number(warm_start, "warm_start", minimum=0.0, maximum=1.0)
         self._weight_step = weight_step(model)
-        self.inertial = wp.zeros(model.particle_count, dtype=model.vec3, device=model.device)
-        self.displacement = wp.zeros_like(self.inertial)
-        self.spring_acceleration = wp.zeros_like(self.inertial)
+        self.inertial, self.displacement, self.spring_acceleration = (
+            wp.zeros_like(model.particle_q, requires_grad=model.differentiable) for _ in range(3)
+        )
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
         forces.evaluate(state_in, without=("springs",))
-        self._predict(model, state_in, state_out, dt)
-        displacement = self._solve(model, state_in, forces, dt)
-        wp.launch(
-            model.kernels.position_step.finish,
-            dim=model.particle_count,
-            inputs=[model.particle_inv_mass, state_in.particle_q, self.inertial, displacement, dt],
-            outputs=[self.spring_acceleration, state_out.particle_q, state_out.particle_qd],
-            device=model.device,
-        )
+        self.predict(model, state_in, state_out, dt)
+        self.finish(model, state_in, state_out, self._solve(model, state_in, forces, dt), dt)
 
-    def _predict(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
+    def predict(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
         """δ̂ of all particles; pins where they will be."""
         kernels = model.kernels.position_step
         wp.launch(
@@ -76,6 +69,16 @@ class PositionStep(Integrator):
                 outputs=[self.displacement],
                 device=model.device,
             )
+
+    def finish(self, model: Model, state_in: State, state_out: State, displacement: wp.array, dt: float) -> None:
+        """The end of the step from its solution δ [m]."""
+        wp.launch(
+            model.kernels.position_step.finish,
+            dim=model.particle_count,
+            inputs=[model.particle_inv_mass, state_in.particle_q, self.inertial, displacement, dt],
+            outputs=[self.spring_acceleration, state_out.particle_q, state_out.particle_qd],
+            device=model.device,
+        )
 
     def reset(self) -> None:
         """Forgets the spring forces of the previous step."""

@@ -8,6 +8,7 @@ is then a small Runge–Kutta step of its own, of more evaluations. Forces that 
 """
 
 import math
+from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -49,19 +50,40 @@ class Splitting(Integrator):
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
-        now, time = state_in, 0.0
-        for stage in self.sequence:
-            weights = self._kick(model, now, state_in, forces, dt, time, stage)
-            drift = stage.drift * dt
-            advance(model, now, now.particle_f, self.stages, state_out, drift, weights, drift * weights)
-            time += drift
-            if drift:
-                drive_pins(model, state_in.world_time, time, state_out.particle_q, state_out.particle_qd)
-            now = state_out
+        count = len(self.sequence)
+        self.take(model, state_in, [state_out] * count, [self.stages] * count, forces, dt)
         state_out.forces_current = self.sequence[-1].drift == 0.0 and not forces.velocity_dependent
 
+    def take(
+        self,
+        model: Model,
+        start: State,
+        ends: Sequence[State],
+        scratch: Sequence[Stages],
+        forces: Forces,
+        dt: float,
+    ) -> None:
+        """All kicks and drifts; each has its end and its scratch memory, which may be the same ones for all."""
+        now, time = start, 0.0
+        for stage, end, stages in zip(self.sequence, ends, scratch, strict=True):
+            weights = self._kick(model, now, start, stages, forces, dt, time, stage)
+            drift = stage.drift * dt
+            advance(model, now, now.particle_f, stages, end, drift, weights, drift * weights)
+            time += drift
+            if drift:
+                drive_pins(model, start.world_time, time, end.particle_q, end.particle_qd)
+            now = end
+
     def _kick(
-        self, model: Model, now: State, start: State, forces: Forces, dt: float, time: float, stage: Stage
+        self,
+        model: Model,
+        now: State,
+        start: State,
+        stages: Stages,
+        forces: Forces,
+        dt: float,
+        time: float,
+        stage: Stage,
     ) -> np.ndarray:
         """Forces at ``now``, as many as the kick needs; their weights [s] in it."""
         h = stage.kick * dt
@@ -69,15 +91,15 @@ class Splitting(Integrator):
             return np.zeros(0)
         inner = stage.inner if forces.velocity_dependent else FORWARD_EULER
         if inner is None:
-            predicted = self.stages.scratch(1, start.world_time)
-            advance(model, now, start.particle_f, self.stages, predicted, 0.0, [h])
+            predicted = stages.scratch(1, start.world_time)
+            advance(model, now, start.particle_f, stages, predicted, 0.0, [h])
             forces.evaluate(predicted, time)
             return np.array([0.0, h])
         if not now.forces_current:
             forces.evaluate(now, time)
         for i in range(1, inner.stages):
-            later = self.stages.scratch(i, start.world_time)
-            advance(model, now, now.particle_f, self.stages, later, 0.0, h * inner.matrix[i, :i])
+            later = stages.scratch(i, start.world_time)
+            advance(model, now, now.particle_f, stages, later, 0.0, h * inner.matrix[i, :i])
             forces.evaluate(later, time)
         return h * np.array(inner.b)
 

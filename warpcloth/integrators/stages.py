@@ -1,6 +1,7 @@
 """Scratch memory and the one update (``kernels/explicit_step.py``) of all explicit schemes."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -17,22 +18,25 @@ class Stages:
     Args:
         model: the model.
         count: stages of the scheme. The force of the first one stays in ``particle_f`` of the state it belongs to.
+        kept: each stage has positions and velocities of its own, and all arrays have gradients.
     """
 
-    def __init__(self, model: Model, count: int):
+    def __init__(self, model: Model, count: int, *, kept: bool = False):
         self.count = count
-        self.forces = wp.zeros((max(count - 1, 1), model.particle_count), dtype=model.vec3, device=model.device)
-        self._rows = [self.forces[j] for j in range(len(self.forces))]
-        self._q = wp.zeros_like(model.particle_q[: model.particle_count if count > 1 else 0])
-        self._qd = wp.zeros_like(self._q)
+        further = max(count - 1, 1)
+        wide: dict[str, Any] = {"dtype": model.vec3, "device": model.device, "requires_grad": kept}
+        self.forces = wp.zeros((further, model.particle_count), **wide)
+        own = further if kept else 1
+        q, qd = (wp.zeros((own, model.particle_count), **wide) for _ in range(2))
+        self._rows = [(q[j % own], qd[j % own], self.forces[j]) for j in range(further)]
 
     def scratch(self, stage: int, clock: wp.array) -> State:
         """The scratch state, whose force is that of ``stage`` ≥ 1."""
-        return State(self._q, self._qd, self._rows[stage - 1], clock)
+        return State(*self._rows[stage - 1], clock)
 
     def at(self, stage: int, state: State) -> State:
         """Positions and velocities of ``state``, with the force of ``stage`` ≥ 1."""
-        return State(state.particle_q, state.particle_qd, self._rows[stage - 1], state.world_time)
+        return State(state.particle_q, state.particle_qd, self._rows[stage - 1][2], state.world_time)
 
 
 def advance(

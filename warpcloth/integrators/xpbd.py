@@ -1,8 +1,8 @@
 """Extended position-based dynamics: springs as compliant constraints, solved colour by colour."""
 
 from collections.abc import Sequence
+from typing import Any
 
-import numpy as np
 import warp as wp
 
 from ..forces import Forces
@@ -41,10 +41,22 @@ class Xpbd(PositionStep):
     def __init__(self, model: Model, *, iterations: int = 1, warm_start: float = 0.5):
         super().__init__(model, iterations, warm_start)
         self.colours = SpringColours(model)
-        r = model.spring_rest_length.numpy().astype(np.float64)
-        law = np.stack([r, model.spring_stiffness.numpy() / r, model.spring_damping.numpy() / r], axis=1)
-        self.law = self.colours.arranged(law, model.vec3)
-        self.force = self.colours.arranged(np.zeros((model.spring_count, 3)), model.vec3)
+        self._order = model.array(self.colours.order, wp.int32)
+        whole: dict[str, Any] = {"shape": model.spring_count, "dtype": model.vec3, "device": model.device}
+        self._law = wp.zeros(**whole, requires_grad=model.differentiable)
+        self.law = self.colours.views(self._law)
+        self.force = self.colours.views(wp.zeros(**whole, requires_grad=model.differentiable))
+        self.read_springs(model)
+
+    def read_springs(self, model: Model) -> None:
+        """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
+        wp.launch(
+            model.kernels.xpbd.arrange_law,
+            dim=model.spring_count,
+            inputs=[self._order, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
+            outputs=[self._law],
+            device=model.device,
+        )
 
     def reset(self) -> None:
         """Forgets the spring forces of the previous step."""
@@ -60,13 +72,19 @@ class Xpbd(PositionStep):
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations
         for iteration in range(self.iterations):
-            kept = self.warm_start if iteration == 0 else 1.0
-            for ends, law, force in zip(self.colours.ends, self.law, self.force, strict=True):
-                wp.launch(
-                    model.kernels.xpbd.solve_springs,
-                    dim=len(ends),
-                    inputs=[ends, law, model.particle_inv_mass, state_in.particle_q, dt, kept],
-                    outputs=[self.displacement, force],
-                    device=model.device,
-                )
+            for colour in range(len(self.law)):
+                self.solve_colour(model, state_in.particle_q, dt, iteration, colour)
         return self.displacement
+
+    def solve_colour(self, model: Model, start: wp.array, dt: float, iteration: int, colour: int) -> None:
+        """The springs of one colour, in a step of dt [s] from positions ``start``; changes their forces and
+        ``displacement`` in place."""
+        ends = self.colours.ends[colour]
+        kept = self.warm_start if iteration == 0 else 1.0
+        wp.launch(
+            model.kernels.xpbd.solve_springs,
+            dim=len(ends),
+            inputs=[ends, self.law[colour], model.particle_inv_mass, start, dt, kept],
+            outputs=[self.displacement, self.force[colour]],
+            device=model.device,
+        )

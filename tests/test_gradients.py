@@ -1,0 +1,276 @@
+"""Gradients of roll-outs, against central finite differences, closed forms, and each other."""
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+from gradient_checks import RandomLoss, assert_slopes_agree
+
+import warpcloth as wc
+from warpcloth.errors import DivergedError, InputError, NotDifferentiableError
+from warpcloth.gradients import Rollout
+
+FABRIC = wc.Fabric(
+    stretch_stiffness=100.0, shear_stiffness=20.0, bending_rigidity=2e-5, bending_hysteresis=1e-4, damping_time=2e-3
+)
+AIR = wc.Air(wind=(1.0, 2.0, 0.5), gust=0.2, turbulence=0.3)
+GRADIENT_SCHEMES = ("forward_euler", "midpoint", "trapezoidal", "rk4", "velocity_verlet", "pefrl")
+
+
+def crumpled(integrator: str, substeps: int, *, differentiable: bool = True, **options) -> wc.Simulation:
+    """A small cloth of all forces, one corner held, one led, in wind; not flat, so that every force is at work."""
+    lead = wc.Motion.keyframes([(0.0, (0, 0, 0)), (1.0, (0.3, 0.0, 0.2))])
+    pins = [wc.pin(0), wc.pin(4, lead)]
+    cloth = wc.Cloth.grid((0.4, 0.4), (5, 5), FABRIC, pins, (0, 0, 1), velocity=(0.3, 0.1, 0.0))
+    model = wc.Model.build([cloth], precision="float64", differentiable=differentiable)
+    simulation = wc.Simulation(model, integrator, substeps=substeps, air=AIR, **options)
+    free = model.particle_inv_mass.numpy() > 0.0
+    noise = 0.01 * np.random.default_rng(0).normal(size=(25, 3)) * free[:, None]
+    simulation.state.particle_q.assign(simulation.state.particle_q.numpy() + noise)
+    return simulation
+
+
+@pytest.mark.parametrize("assembly", ["scatter", "gather"])
+@pytest.mark.parametrize("integrator", ["symplectic_euler", "xpbd"])
+def test_every_gradient_equals_differences_through_200_steps(integrator, assembly):
+    rollout = Rollout(crumpled(integrator, 40, assembly=assembly), 5, observe=[2, 5])
+    assert rollout.steps == 200
+    assert set(rollout.gradients) == {
+        "particle_q", "particle_qd", "particle_mass", "gravity", "spring_rest_length", "spring_stiffness",
+        "spring_damping", "bend_law", "bend_friction", "tri_air_drag", "tri_air_friction", "air_density", "wind",
+    }  # fmt: skip
+    assert_slopes_agree(RandomLoss(rollout))
+
+
+@pytest.mark.parametrize("integrator", GRADIENT_SCHEMES)
+def test_gradients_of_each_scheme_through_200_steps(integrator):
+    assert_slopes_agree(RandomLoss(Rollout(crumpled(integrator, 40), 5, observe=[5])), together=True)
+
+
+def test_gradients_of_pressure_and_strain_limits():
+    fabric = wc.Fabric(stretch_stiffness=200.0, shear_stiffness=50.0, strain_limit=0.002, limit_stiffness=300.0)
+    ball = trimesh.creation.icosphere(0, 0.1)
+    ball.apply_translation((0.0, 0.0, 1.0))
+    cloths = [
+        wc.Cloth.from_mesh(ball, fabric=fabric, inflation=wc.Inflation(pressure=50.0, gas=gas), name=str(gas))
+        for gas in (True, False)
+    ]
+    model = wc.Model.build(cloths, precision="float64", differentiable=True)
+    rollout = Rollout(wc.Simulation(model, "rk4", substeps=60), 1, observe=[1])
+    loss = RandomLoss(rollout)
+    assert {"bag_pressure", "spring_limit", "spring_limit_stiffness"} <= set(rollout.gradients)
+    assert_slopes_agree(loss)
+    stretched = model.spring_limit.numpy() < 0.01
+    assert loss.gradients()["spring_limit_stiffness"][stretched].any()
+
+
+def test_oscillator():
+    """Implicit or not, gradients of one spring's linear motion are powers of the step's matrix."""
+    m, k, r, h, steps = 0.05, 20.0, 0.25, 1e-3, 120
+    model = wc.Model.from_springs(
+        [(0, 0, 0), (0.3, 0, 0)], m, [[0, 1]], r, k, 0.0, pinned=[0], precision="float64", differentiable=True
+    )
+    rollout = Rollout(wc.Simulation(model, gravity=(0, 0, 0), substeps=steps), 1, fps=1.0 / (h * steps))
+    rollout.forward()
+    gradients = rollout.backward(particle_q=[(0, 0, 0), (1, 0, 0)])
+    s = h * h * k / (r * m)
+    power = np.linalg.matrix_power(np.array([[1.0 - s, h], [-s / h, 1.0]]), steps)
+    assert gradients["particle_q"].numpy()[1, 0] == pytest.approx(power[0, 0], rel=1e-10)
+    assert gradients["particle_qd"].numpy()[1, 0] == pytest.approx(power[0, 1], rel=1e-10)
+
+
+@pytest.mark.parametrize("integrator", ["symplectic_euler", "velocity_verlet", "xpbd"])
+def test_a_rollout_is_the_simulation(integrator):
+    rollout = Rollout(crumpled(integrator, 10), 3)
+    rollout.forward()
+    repeated = rollout.forward()
+    plain = crumpled(integrator, 10, differentiable=False)
+    for state in repeated:
+        plain.step(1.0 / 60.0)
+        assert np.array_equal(state.particle_q.numpy(), plain.state.particle_q.numpy())
+        assert np.array_equal(state.particle_qd.numpy(), plain.state.particle_qd.numpy())
+    assert rollout.simulation.time == pytest.approx(3.0 / 60.0)
+
+
+@pytest.mark.parametrize("integrator", ["velocity_verlet", "xpbd"])
+def test_checkpoints_change_nothing_and_keep_memory_bounded(integrator):
+    results, states = [], []
+    for segment in (None, 1, 90):
+        rollout = Rollout(crumpled(integrator, 30), 3, observe=[1, 3], segment=segment)
+        loss = RandomLoss(rollout)
+        loss.value()
+        results.append(loss.gradients())
+        states.append(rollout.kept_states)
+    for other in results[1:]:
+        for name, gradient in results[0].items():
+            assert np.array_equal(gradient, other[name]), name
+    assert states == [10 + 9, 90 + 1, 1 + 90]  # 90 steps in segments of 10
+
+
+def test_memory_on_the_way_back_does_not_grow_with_the_steps(monkeypatch):
+    """Of the recordings, one step's is alive at a time."""
+    from warpcloth.gradients import rollout as module
+
+    alive, most = [], []
+
+    class Counted(module.Recording):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            alive.append(self)
+            most.append(len(alive))
+
+        def backward(self):
+            super().backward()
+            alive.remove(self)
+
+    monkeypatch.setattr(module, "Recording", Counted)
+    loss = RandomLoss(Rollout(crumpled("symplectic_euler", 20), 2))
+    loss.value()
+    loss.gradients()
+    assert len(most) == 40
+    assert max(most) == 1
+
+
+@wp.kernel
+def launch_all(velocity: wp.array(dtype=wp.vec3d), particle_qd_out: wp.array(dtype=wp.vec3d)):
+    i = wp.tid()
+    particle_qd_out[i] = velocity[0]
+
+
+@wp.kernel
+def squared_miss(particle_q: wp.array(dtype=wp.vec3d), target: wp.vec3d, loss_out: wp.array(dtype=wp.float64)):
+    miss = particle_q[wp.tid()] - target
+    wp.atomic_add(loss_out, 0, wp.dot(miss, miss))
+
+
+def test_own_kernels_before_and_after_on_one_tape():
+    """From a throw, through the roll-out, to a loss: the derivative with respect to the throw."""
+    model = wc.Model.build([wc.Cloth.grid((0.2, 0.2), (3, 3))], precision="float64", differentiable=True)
+    rollout = Rollout(wc.Simulation(model, substeps=10), 6)
+    velocity = wp.array([(1.0, 0.5, 2.0)], dtype=wp.vec3d, requires_grad=True)
+    target, values = wp.vec3d(1.0, 0.2, 0.3), []
+
+    def thrown(tape: wp.Tape) -> wp.array:
+        loss = wp.zeros(1, dtype=wp.float64, requires_grad=True)
+        with tape:
+            wp.launch(launch_all, 9, [velocity], [rollout.start.particle_qd])
+        rollout.forward(tape)
+        with tape:
+            wp.launch(squared_miss, 9, [rollout.end.particle_q, target], [loss])
+        return loss
+
+    for h in (1e-5, -1e-5):
+        velocity.assign([(1.0 + h, 0.5, 2.0)])
+        values.append(float(thrown(wp.Tape()).numpy()[0]))
+    velocity.assign([(1.0, 0.5, 2.0)])
+    tape = wp.Tape()
+    tape.backward(thrown(tape))
+    assert velocity.grad.numpy()[0, 0] == pytest.approx((values[0] - values[1]) / 2e-5, rel=1e-6)
+    assert np.abs(rollout.gradients["gravity"].numpy()).max() > 0.0
+    tape.zero()
+    assert not rollout.gradients["gravity"].numpy().any()
+    assert not velocity.grad.numpy().any()
+
+
+class Magnet(wc.UserForce):
+    """A force of the caller's own, of a kernel of their own."""
+
+    name = "magnet"
+
+    def __init__(self, strength: float):
+        self.strength = wp.array([strength], dtype=wp.float64)
+
+    def accumulate(self, state: wc.State, time_offset: float) -> None:
+        inputs, count = [self.strength, state.particle_q], len(state.particle_q)
+        wp.launch(pull_to_the_origin, count, inputs, [state.particle_f])
+
+    def parameters(self) -> dict:
+        return {"strength": self.strength}
+
+
+@wp.kernel
+def pull_to_the_origin(
+    strength: wp.array(dtype=wp.float64), particle_q: wp.array(dtype=wp.vec3d), particle_f: wp.array(dtype=wp.vec3d)
+):
+    i = wp.tid()
+    x = particle_q[i]
+    particle_f[i] = particle_f[i] - strength[0] * x / (wp.float64(0.1) + wp.dot(x, x))
+
+
+def test_forces_of_the_callers_own():
+    model = wc.Model.build([wc.Cloth.grid((0.2, 0.2), (3, 3))], precision="float64", differentiable=True)
+    pushes = model.array(0.01 * np.random.default_rng(0).normal(size=(9, 3)), model.vec3)
+    forces = [Magnet(0.01), wc.AppliedForce(model, pushes)]
+    rollout = Rollout(wc.Simulation(model, substeps=10, forces=forces), 3)
+    assert {"strength", "applied_force"} <= set(rollout.parameters)
+    rollout.start.particle_q.assign(rollout.start.particle_q.numpy() + np.array([0.1, 0.2, 0.3]))
+    loss = RandomLoss(rollout)
+    assert_slopes_agree(loss, h=1e-5)
+
+
+def test_worlds_have_gradients_of_their_own():
+    cloths = [wc.Cloth.grid((0.2, 0.2), (3, 3), FABRIC, velocity=(0.1, 0.0, vz)) for vz in (0.0, 1.0)]
+    worlds = [([cloth], [wc.Sphere((0.02, 0.03, -0.105), 0.1)]) for cloth in cloths]
+    found = []
+    for chosen in (worlds, worlds[:1], worlds[1:]):
+        model = wc.Model.build_worlds(chosen, precision="float64", differentiable=True)
+        rollout = Rollout(wc.Simulation(model, substeps=20, air=AIR), 2)
+        rollout.forward()
+        ones = np.ones((model.particle_count, 3))
+        found.append({name: g.numpy().copy() for name, g in rollout.backward(ones, ones).items()})
+    for name, both in found[0].items():
+        alone = np.concatenate([found[1][name], found[2][name]])
+        assert np.abs(both - alone).max() <= 1e-12 * np.abs(alone).max() + 1e-300, name
+
+
+def test_what_has_no_gradients_says_so():
+    cloth = wc.Cloth.grid((0.2, 0.2), (3, 3), FABRIC)
+    plain = wc.Simulation(wc.Model.build([cloth], device="cpu"))
+    model = wc.Model.build([cloth], precision="float64", differentiable=True)
+    limited = wc.Cloth.grid((0.2, 0.2), (3, 3), wc.Fabric(strain_limit=0.01, limit_stiffness=100.0))
+    meshes = [wc.MeshObstacle.from_mesh(trimesh.creation.box((1, 1, 0.1)))]
+    grabbed = wc.Simulation(model)
+    grabbed.grab(0)
+
+    class Own(wc.UserForce):
+        pass
+
+    cases = [
+        (wc.Simulation(model, forces=[Own()]), r"Force 'user' has no gradients, as it has no parameters\(\)"),
+        (wc.Simulation(model, hooks=[wc.Hook()]), "Hooks have no gradients"),
+        (plain, "differentiable=True"),
+        (grabbed, "Force 'grab' has no gradients"),
+        (wc.Simulation(model, "vbd"), "Integrator 'vbd' has no gradients; these have: forward_euler, "),
+        (wc.Simulation(model, "dormand_prince"), "Integrator 'dormand_prince' has no gradients"),
+        (wc.Simulation(model, contact="all"), "Contact among cloths has no gradients"),
+        (wc.Simulation(wc.Model.build([limited], differentiable=True), "xpbd"), "Strain limits have no gradients"),
+        (wc.Simulation(wc.Model.build([wc.Cloth.grid(transform=(0, 0, 1))], meshes, differentiable=True)), "MeshObst"),
+    ]
+    for simulation, sentence in cases:
+        with pytest.raises(NotDifferentiableError, match=sentence):
+            Rollout(simulation, 1)
+
+
+def test_bad_input_is_refused():
+    model = wc.Model.build([wc.Cloth.grid((0.2, 0.2), (3, 3))], precision="float64", differentiable=True)
+    simulation = wc.Simulation(model, substeps=2)
+    for options, sentence in [
+        ({"frames": 0}, "Frames"),
+        ({"frames": 2, "observe": [2, 1]}, "rising order"),
+        ({"frames": 2, "observe": []}, "at least one"),
+        ({"frames": 2, "observe": [3]}, "Observe"),
+        ({"frames": 2, "segment": 5}, "Segment"),
+    ]:
+        with pytest.raises(InputError, match=sentence):
+            Rollout(simulation, **options)
+    rollout = Rollout(simulation, 1)
+    with pytest.raises(InputError, match="forward"):
+        rollout.backward(np.ones((9, 3)))
+    with pytest.raises(InputError, match="A tape is recording"), wp.Tape():
+        rollout.forward()
+    rollout.forward()
+    with pytest.raises(InputError, match="Particle_q"):
+        rollout.backward(np.ones((8, 3)))
+    rollout.parameters["gravity"].fill_(np.inf)
+    with pytest.raises(DivergedError, match="not finite"):
+        rollout.forward()
