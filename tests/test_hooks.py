@@ -90,8 +90,7 @@ def test_pairs_missed_in_replays_are_reported(monkeypatch):
         try:
             sim.verify()
             break
-        except SimulationError as error:
-            assert "more pairs in contact than there was room for" in str(error)
+        except SimulationError:
             missed += 1
     assert 0 < missed < 9
     plain = wc.Simulation(layered, substeps=20, contact="all")

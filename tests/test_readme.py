@@ -1,6 +1,7 @@
 """What the READMEs say can be done can be done."""
 
 import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,17 @@ def test_the_kernel_variant_example_runs(capsys):
     example = blocks(REPOSITORY / "kernels" / "README.md", "python")[0]
     exec(compile(example, "kernels/README.md", "exec"), {})
     assert "warpcloth.kernels.float64.springs" in capsys.readouterr().out
+
+
+def test_the_examples_of_embedding_run_as_one_script(tmp_path):
+    """From a file, as kernels need."""
+    script = tmp_path / "embedding.py"
+    script.write_text("\n".join(blocks(REPOSITORY / "warpcloth" / "interop" / "README.md", "python")), encoding="utf-8")
+    names = runpy.run_path(str(script))
+    assert names["env"].worlds == 8
+    height = names["now"].particle_q.numpy()[:, 2]
+    assert 0.5 < height.min() < 0.9
+    assert height.max() == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("path", READMES, ids=lambda path: path.relative_to(REPOSITORY).as_posix())

@@ -1,9 +1,12 @@
 """Contact with what the caller knows and warpcloth does not: planes found by kernels of their own."""
 
+from typing import Any
+
 import warp as wp
 
 from .. import validate
-from ..model import Model
+from ..kernels import KernelSet
+from ..model import PRECISIONS, Model
 from ..state import State
 
 
@@ -45,6 +48,15 @@ class ContactPlanes:
         for name in ("count", "particle", "point", "normal", "velocity", "friction"):
             setattr(self.planes, name, getattr(self, name))
         self.planes.first, self.planes.next = self._first, self._next
+
+    @staticmethod
+    def struct(precision: str = "float32") -> Any:
+        """The type of ``planes``, for the arguments of kernels, of models of that precision ("float32", "float64").
+
+        Raises:
+            InputError: another precision.
+        """
+        return KernelSet(validate.choice(precision, tuple(PRECISIONS), "precision")).contact_planes.Planes
 
     def list_all(self) -> None:
         """Takes note of the rows as they are now; :meth:`respond` uses them until the next call."""
