@@ -5,7 +5,7 @@ import sys
 import warp as wp
 
 from .bending_law import damping_direction, friction_energy, friction_scale, slipped
-from .precision import OPTIONS, real, vec3
+from .precision import OPTIONS, real, vec2, vec3
 
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
@@ -22,9 +22,9 @@ class BendingModel:
     start: wp.array(dtype=wp.int32)
     particle: wp.array(dtype=wp.int32)
     weight: wp.array(dtype=real)
-    tangent: wp.array(dtype=wp.types.vector(2, real))
+    tangent: wp.array(dtype=vec2)
     law: wp.array(dtype=vec3)
-    friction: wp.array(dtype=wp.types.vector(2, real))
+    friction: wp.array(dtype=vec2)
     turning_end: wp.array(dtype=wp.int32)
     turning: wp.int32
 
@@ -52,6 +52,40 @@ def tangent_sum(elements: BendingModel, e: int, x: wp.array(dtype=vec3), axis: i
 
 
 @wp.struct
+class Sums:
+    """d, t₁ and t₂ of an element; where it needs no tangents, these are zero."""
+
+    d: vec3
+    t1: vec3
+    t2: vec3
+
+
+@wp.func
+def element_sums(elements: BendingModel, e: int, x: wp.array(dtype=vec3)):
+    """All sums of an element in one look at its particles, which is what it costs."""
+    first = elements.start[e]
+    origin = x[elements.particle[first]]
+    turning_end = first
+    if elements.turning == 1:
+        turning_end = elements.turning_end[e]
+    d = vec3()
+    t1 = vec3()
+    t2 = vec3()
+    for k in range(first + 1, turning_end):
+        arm = x[elements.particle[k]] - origin
+        d += elements.weight[k] * arm
+        t1 += elements.tangent[k][0] * arm
+        t2 += elements.tangent[k][1] * arm
+    for k in range(wp.max(first + 1, turning_end), elements.start[e + 1]):
+        d += elements.weight[k] * (x[elements.particle[k]] - origin)
+    sums = Sums()
+    sums.d = d
+    sums.t1 = t1
+    sums.t2 = t2
+    return sums
+
+
+@wp.struct
 class Moments:
     """What an element pulls with: f_i = −w_i bend + α_i along + β_i across."""
 
@@ -70,20 +104,19 @@ def element_moments(
 ):
     """Moments of an element at a state."""
     law = elements.law[e]
-    d = weighted_sum(elements, e, particle_q)
+    sums = element_sums(elements, e, particle_q)
+    d = sums.d
     result = Moments()
     if elements.turning == 1:
-        t1 = tangent_sum(elements, e, particle_q, 0)
-        t2 = tangent_sum(elements, e, particle_q, 1)
-        c = wp.cross(t1, t2)
+        c = wp.cross(sums.t1, sums.t2)
         friction = elements.friction[e]
         r = d - slip[e] * c
         m_f = friction_scale(r, friction[0], friction[1]) * r
         m_e = law[0] * (d - law[2] * c)
         n = law[2] * m_e + slip[e] * m_f
         result.bend = m_e + m_f
-        result.along = wp.cross(t2, n)
-        result.across = wp.cross(n, t1)
+        result.along = wp.cross(sums.t2, n)
+        result.across = wp.cross(n, sums.t1)
     else:
         result.bend = law[0] * d
     if law[1] > real(0.0):
@@ -94,12 +127,18 @@ def element_moments(
 
 
 @wp.func
-def entry_force(elements: BendingModel, k: int, moments: Moments):
-    """Force [N] of an element on the particle of entry k."""
-    f = -elements.weight[k] * moments.bend
-    if elements.turning == 1:
-        f += elements.tangent[k][0] * moments.along + elements.tangent[k][1] * moments.across
-    return f
+def entry_tangent(tangent: wp.array(dtype=vec2), turning: int, k: int):
+    """(α, β) of entry k."""
+    result = vec2()
+    if turning == 1:
+        result = tangent[k]
+    return result
+
+
+@wp.func
+def entry_force(weight: real, tangent: vec2, moments: Moments):
+    """Force [N] of an element on the particle of an entry."""
+    return tangent[0] * moments.along + tangent[1] * moments.across - weight * moments.bend
 
 
 @wp.kernel
@@ -117,7 +156,8 @@ def scatter_forces(
     e = wp.tid()
     moments = element_moments(elements, e, slip, particle_q, particle_qd)
     for k in range(elements.start[e], elements.start[e + 1]):
-        wp.atomic_add(particle_f_out, elements.particle[k], entry_force(elements, k, moments))
+        tangent = entry_tangent(elements.tangent, elements.turning, k)
+        wp.atomic_add(particle_f_out, elements.particle[k], entry_force(elements.weight[k], tangent, moments))
 
 
 @wp.kernel
@@ -152,7 +192,9 @@ def gather_forces(
     i = wp.tid()
     total = vec3()
     for row in range(row_start[i], row_start[i + 1]):
-        total += entry_force(elements, row_entry[row], moments[row_element[row]])
+        k = row_entry[row]
+        tangent = entry_tangent(elements.tangent, elements.turning, k)
+        total += entry_force(elements.weight[k], tangent, moments[row_element[row]])
     particle_f_out[i] = particle_f_out[i] + total
 
 
@@ -195,6 +237,5 @@ def advance_slip(
     e = wp.tid()
     friction = elements.friction[e]
     if friction[1] > real(0.0):
-        d = weighted_sum(elements, e, particle_q)
-        c = wp.cross(tangent_sum(elements, e, particle_q, 0), tangent_sum(elements, e, particle_q, 1))
-        slip_out[e] = slipped(d, c, slip_out[e], friction[0], friction[1])
+        sums = element_sums(elements, e, particle_q)
+        slip_out[e] = slipped(sums.d, wp.cross(sums.t1, sums.t2), slip_out[e], friction[0], friction[1])

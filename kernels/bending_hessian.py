@@ -9,7 +9,7 @@ import sys
 
 import warp as wp
 
-from .bending import BendingModel, Moments, entry_force, tangent_sum, weighted_sum
+from .bending import BendingModel, Moments, entry_force, entry_tangent, tangent_sum, weighted_sum
 from .bending_law import damping_direction, friction_scale, friction_tangent
 from .precision import FORWARD_ONLY, mat33, real, vec3
 
@@ -67,7 +67,8 @@ def scatter_products(
     e = wp.tid()
     moments = element_tangent(elements, e, slip, particle_q, x, a, b)
     for k in range(elements.start[e], elements.start[e + 1]):
-        wp.atomic_sub(product_out, elements.particle[k], entry_force(elements, k, moments))
+        tangent = entry_tangent(elements.tangent, elements.turning, k)
+        wp.atomic_sub(product_out, elements.particle[k], entry_force(elements.weight[k], tangent, moments))
 
 
 @wp.kernel
@@ -104,7 +105,9 @@ def gather_products(
     i = wp.tid()
     total = vec3()
     for row in range(row_start[i], row_start[i + 1]):
-        total += entry_force(elements, row_entry[row], moments[row_element[row]])
+        k = row_entry[row]
+        tangent = entry_tangent(elements.tangent, elements.turning, k)
+        total += entry_force(elements.weight[k], tangent, moments[row_element[row]])
     product_out[i] = product_out[i] - total
 
 

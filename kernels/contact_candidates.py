@@ -90,6 +90,7 @@ def swept_bounds(
     # State in
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
+    active: wp.array(dtype=wp.int32),
     margin: float,
     room: float,
     # Out
@@ -98,16 +99,25 @@ def swept_bounds(
     known_lower_out: wp.array(dtype=wp.vec3),
     known_upper_out: wp.array(dtype=wp.vec3),
     moved_out: wp.array(dtype=wp.int32),
+    any_moved_out: wp.array(dtype=wp.int32),
+    tri_active_out: wp.array(dtype=wp.int32),
 ):
     """Box of every triangle on its straight way from one set of positions to another, grown by ``margin`` [m].
 
     Where the known box does not hold it, that becomes the same with ``room`` [m] more, and ``moved`` is 1, else 0.
+    A triangle is active if one of its corners is; of others the way is the same as it was.
     """
     t = wp.tid()
-    low = low_corner(particle_from[tri_indices[t, 0]])
+    corners = triangle(tri_indices, t)
+    looked_at = active[corners[0]] | active[corners[1]] | active[corners[2]]
+    tri_active_out[t] = looked_at
+    moved_out[t] = 0
+    if looked_at == 0:
+        return
+    low = low_corner(particle_from[corners[0]])
     high = low
     for k in range(3):
-        i = tri_indices[t, k]
+        i = corners[k]
         a = low_corner(particle_from[i])
         b = low_corner(particle_to[i])
         low = wp.min(low, wp.min(a, b))
@@ -123,8 +133,9 @@ def swept_bounds(
     for k in range(3):
         if not (low[k] >= known_low[k] and high[k] <= known_high[k]):
             inside = 0
-    moved_out[t] = 1 - inside
     if inside == 0:
+        moved_out[t] = 1
+        any_moved_out[0] = 1
         known_lower_out[t] = low - wp.vec3(room)
         known_upper_out[t] = high + wp.vec3(room)
 

@@ -52,10 +52,11 @@ def find_flat_fans(
     # State in
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
+    active: wp.array(dtype=wp.int32),
     # Out
     flat_out: wp.array(dtype=wp.int32),
 ):
-    """1 where the fan is flat on all of its straight way, else 0.
+    """1 where the fan is flat on all of its straight way, else 0; left as it is where no particle of it is active.
 
     ``fan_turns`` is how often a flat fan passes its first spoke again: 1 for one that is closed, 0 for one that is
     open, −1 for one that is not a fan (two that share a vertex). A closed one keeps its turns on the way; an open one
@@ -63,10 +64,15 @@ def find_flat_fans(
     wherever either is at the start to wherever the other is at the end.
     """
     i = wp.tid()
-    flat_out[i] = 0
     turns = fan_turns[i]
     first = fan_start[i]
     last = fan_start[i + 1]
+    looked_at = active[i]
+    for k in range(first, last):
+        looked_at = looked_at | active[fan_spokes[k][0]] | active[fan_spokes[k][1]]
+    if looked_at == 0:
+        return
+    flat_out[i] = 0
     if turns < 0 or first == last:
         return
     axis = wp.vec3d()

@@ -33,10 +33,11 @@ def find_impacts(
     normal_out: wp.array(dtype=wp.vec3d),
     depth_out: wp.array(dtype=wp.float64),
     share_out: wp.array(dtype=wp.int64),
+    met_out: wp.array(dtype=wp.int32),
     impacts_out: wp.array(dtype=wp.int32),
 ):
     """Pairs that meet: weights and normal there, and how far their ends must part [m] to end ``clearance`` of the
-    contact distance apart; and Σ |weight| per particle. Counts them."""
+    contact distance apart; and Σ |weight| per particle. Marks their particles, counts them."""
     for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
         zero = wp.float64(0.0)
@@ -64,6 +65,8 @@ def find_impacts(
         reach = clearance * pairs.distance[k]
         gap = wp.dot(d + (wp.float64(1.0) - t) * combine(w, u0, u1, u2, u3), n)
         wp.atomic_add(impacts_out, 0, 1)
+        for m in range(4):
+            met_out[i[m]] = 1
         if gap < reach:
             depth_out[k] = reach - gap
             weights_out[k] = w

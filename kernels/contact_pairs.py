@@ -9,7 +9,7 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights
-from .contact_candidates import TrianglePairs, has, low_corner, padding, triangle
+from .contact_candidates import TrianglePairs, low_corner, padding, triangle
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import Placement, to_world
 
@@ -159,51 +159,43 @@ def add_pair(
 
 
 @wp.func
-def add_points(
-    t: int, corners: wp.vec3i, u: int, other: wp.vec3i, owned: wp.array(dtype=wp.int32), start: wp.array(dtype=vec3),
-    end: wp.array(dtype=vec3), lower: wp.array(dtype=wp.vec3), upper: wp.array(dtype=wp.vec3),
-    rest: wp.array(dtype=vec3), radius: wp.array(dtype=real), body: wp.array(dtype=wp.int32), margin: wp.float64,
-    cloth_particles: int, together: int, pairs: Pairs,
-):  # fmt: skip
-    """Adds pairs of the vertices that triangle t owns and triangle u."""
-    pad = wp.vec3(wp.float32(margin))
-    for k in range(3):
-        if ((owned[t] >> k) & 1) == 0 or has(other, corners[k]):
-            continue
-        if not apart(swept_box(corners[k], start, end), lower[u] - pad, upper[u] + pad):
-            add_pair(
-                0, wp.vec4i(corners[k], other[0], other[1], other[2]), start, end, rest, radius, body, margin,
-                cloth_particles, together, pairs,
-            )  # fmt: skip
+def feature_pair(f: int, t: wp.vec3i, u: wp.vec3i):
+    """Of two triangles' fifteen pairs of features the f-th: three corners of t with u, three of u with t, the edges."""
+    if f < 3:
+        return wp.vec4i(t[f], u[0], u[1], u[2])
+    if f < 6:
+        return wp.vec4i(u[f - 3], t[0], t[1], t[2])
+    k = (f - 6) / 3
+    m = (f - 6) % 3
+    return wp.vec4i(t[k], t[(k + 1) % 3], u[m], u[(m + 1) % 3])
 
 
 @wp.func
-def add_edges(
-    t: int, corners: wp.vec3i, u: int, other: wp.vec3i, owned: wp.array(dtype=wp.int32), start: wp.array(dtype=vec3),
-    end: wp.array(dtype=vec3), lower: wp.array(dtype=wp.vec3), upper: wp.array(dtype=wp.vec3),
-    rest: wp.array(dtype=vec3), radius: wp.array(dtype=real), body: wp.array(dtype=wp.int32), margin: wp.float64,
-    cloth_particles: int, together: int, pairs: Pairs,
-):  # fmt: skip
-    """Adds pairs of an edge that triangle t owns and one that triangle u owns."""
-    pad = wp.vec3(wp.float32(margin))
-    for k in range(3):
-        a = corners[k]
-        b = corners[(k + 1) % 3]
-        edge = joined(swept_box(a, start, end), swept_box(b, start, end))
-        if ((owned[t] >> (k + 3)) & 1) == 0 or apart(edge, lower[u] - pad, upper[u] + pad):
-            continue
-        low = edge.low - padding(wp.float32(margin), edge.low, edge.high)
-        high = edge.high + padding(wp.float32(margin), edge.low, edge.high)
-        for m in range(3):
-            c = other[m]
-            d = other[(m + 1) % 3]
-            if ((owned[u] >> (m + 3)) & 1) == 1 and a != c and a != d and b != c and b != d:
-                facing = joined(swept_box(c, start, end), swept_box(d, start, end))
-                if not apart(facing, low, high):
-                    add_pair(
-                        1, wp.vec4i(a, b, c, d), start, end, rest, radius, body, margin, cloth_particles, together,
-                        pairs,
-                    )  # fmt: skip
+def owned_pairs(t: int, u: int):
+    """Which pairs of :func:`feature_pair` are of features that both triangles own, as bits; ``t``, ``u``: theirs."""
+    edges = u >> 3
+    return (t & 7) | ((u & 7) << 3) | edges * (((t >> 3) & 1) << 6 | ((t >> 4) & 1) << 9 | ((t >> 5) & 1) << 12)
+
+
+@wp.func
+def share_corner(kind: int, i: wp.vec4i):
+    """Whether a particle belongs to both features."""
+    if kind == 0:
+        return i[0] == i[1] or i[0] == i[2] or i[0] == i[3]
+    return i[0] == i[2] or i[0] == i[3] or i[1] == i[2] or i[1] == i[3]
+
+
+@wp.func
+def ways_apart(kind: int, i: wp.vec4i, start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), margin: wp.float32):
+    """Whether the boxes of the two features' ways stay further apart than ``margin`` along some axis."""
+    one = swept_box(i[0], start, end)
+    two = joined(swept_box(i[2], start, end), swept_box(i[3], start, end))
+    if kind == 0:
+        two = joined(two, swept_box(i[1], start, end))
+    else:
+        one = joined(one, swept_box(i[1], start, end))
+    pad = padding(margin, one.low, one.high)
+    return apart(two, one.low - pad, one.high + pad)
 
 
 @wp.kernel
@@ -221,6 +213,7 @@ def find_pairs(
     particle_to: wp.array(dtype=vec3),
     lower: wp.array(dtype=wp.vec3),
     upper: wp.array(dtype=wp.vec3),
+    tri_active: wp.array(dtype=wp.int32),
     margin: wp.float64,
     cloth_particles: int,
     together: int,
@@ -229,27 +222,32 @@ def find_pairs(
 ):
     """Every point–triangle and edge–edge pair of the candidates that can come within ``margin``, once.
 
-    A vertex or edge is looked at by the one triangle that owns it (bits 0–2 and 3–5 of ``tri_owned``). Boxes of the
-    triangles' ways (``lower``, ``upper``) hold at least half the margin.
+    One triangle of the two must be active. A vertex or edge is looked at by the one triangle that owns it (bits 0–2 and
+    3–5 of ``tri_owned``). Boxes of the triangles' ways (``lower``, ``upper``) hold at least half the margin.
     """
     for n in range(wp.tid(), wp.min(candidates.count[0], candidates.pair.shape[0]), stride):
         t = candidates.pair[n][0]
         u = candidates.pair[n][1]
+        if tri_active[t] == 0 and tri_active[u] == 0:
+            continue
         low = wp.max(lower[t], lower[u])
         high = wp.min(upper[t], upper[u])
         if low[0] > high[0] or low[1] > high[1] or low[2] > high[2]:
             continue
         mine = triangle(tri_indices, t)
         other = triangle(tri_indices, u)
-        add_points(
-            t, mine, u, other, tri_owned, particle_from, particle_to, lower, upper, particle_rest, particle_radius,
-            particle_body, margin, cloth_particles, together, pairs_out,
-        )  # fmt: skip
-        add_points(
-            u, other, t, mine, tri_owned, particle_from, particle_to, lower, upper, particle_rest, particle_radius,
-            particle_body, margin, cloth_particles, together, pairs_out,
-        )  # fmt: skip
-        add_edges(
-            t, mine, u, other, tri_owned, particle_from, particle_to, lower, upper, particle_rest, particle_radius,
-            particle_body, margin, cloth_particles, together, pairs_out,
-        )  # fmt: skip
+        left = owned_pairs(tri_owned[t], tri_owned[u])
+        f = int(-1)
+        while left != 0:
+            f += 1
+            mine_too = left & 1
+            left = left >> 1
+            i = feature_pair(f, mine, other)
+            kind = wp.where(f < 6, 0, 1)
+            if mine_too == 0 or share_corner(kind, i):
+                continue
+            if not ways_apart(kind, i, particle_from, particle_to, wp.float32(margin)):
+                add_pair(
+                    kind, i, particle_from, particle_to, particle_rest, particle_radius, particle_body, margin,
+                    cloth_particles, together, pairs_out,
+                )  # fmt: skip

@@ -39,16 +39,19 @@ def listed(pairs: PairList) -> set[tuple[int, ...]]:
     return {tuple(row) for row in rows.tolist()}
 
 
+def placed(surface, points) -> wp.array:
+    array = surface.positions()
+    wp.copy(array, wp.array(points, dtype=wp.vec3d, device="cpu"), count=len(points))
+    return array
+
+
 def look(finder, pairs, surface, start, end, fans=True) -> set[tuple[int, ...]]:
     """What is found; with ``fans``, in sharp folds only."""
-    arrays = []
-    for points in (start, end):
-        array = surface.positions()
-        wp.copy(array, wp.array(points, dtype=wp.vec3d, device="cpu"), count=len(points))
-        arrays.append(array)
+    arrays = [placed(surface, points) for points in (start, end)]
     while True:
-        finder.look_at_fans(*arrays)
-        finder.find(pairs, *arrays, MARGIN, finder.flat if fans else finder.none, together=1)
+        finder.look_at_fans(*arrays, finder.everything)
+        finder.measure_drift(*arrays)
+        finder.find(pairs, *arrays, finder.everything, MARGIN, finder.flat if fans else finder.none, together=1)
         if not finder.grow():
             return listed(pairs)
 
@@ -66,6 +69,29 @@ def test_what_is_remembered_does_not_show(finder, seed, stray):
     finder[0].forget()
     assert remembered == look(finder[0], *pairs_of, b, c)
     assert remembered or stray < 0.05  # little of a smooth fold is near anything
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10**6), share=st.floats(0.0, 0.3))
+def test_a_second_look_at_what_changed_is_enough(finder, seed, share):
+    finder, pairs, surface = finder
+    rng = np.random.default_rng(seed)
+    a = crumpled(rng)
+    changed = rng.random(len(a)) < share
+    b = a + rng.normal(scale=0.02, size=a.shape)
+    c = b + changed[:, None] * rng.normal(scale=0.02, size=a.shape)
+    mask = np.zeros(surface.particle_count, np.int32)
+    mask[: len(a)] = changed
+    found = []
+    for again in (False, True):
+        look(finder, pairs, surface, a, b)
+        active = finder.everything if again else wp.array(mask, dtype=wp.int32, device="cpu")
+        start, end = placed(surface, a), placed(surface, c)
+        finder.look_at_fans(start, end, active)
+        finder.find(pairs, start, end, active, MARGIN, finder.flat, together=1)
+        found.append(listed(pairs))
+    of_changed = {pair for pair in found[1] if mask[list(pair[1:])].any()}
+    assert of_changed <= found[0] <= found[1]
 
 
 @settings(max_examples=25)

@@ -54,6 +54,7 @@ class ClothContact:
         )
         self.counts, self.counts_before = (wp.zeros(4, dtype=wp.int32, device=device) for _ in range(2))
         self.finder, self.width = PairFinder(model, self.surface), loop_width(device)
+        self.met = wp.zeros(n, dtype=wp.int32, device=device)
 
     def intervals(self, dt: float) -> int:
         """Intervals in a frame of dt [s]: as many as the world with the fastest obstacles and finest cloth needs."""
@@ -68,9 +69,10 @@ class ClothContact:
         model.shapes.place(model.tracks, state.world_time, 0.0)
         surface.place(state.particle_q, model.shapes.end, self.now)
         wp.copy(self.start, self.now)
-        self.finder.look_at_fans(self.start, self.start)
-        reach = REACH * surface.thickest
-        self.finder.find(self.near, self.start, self.before, reach, self.finder.flat, together=1)
+        finder, reach = self.finder, REACH * surface.thickest
+        finder.look_at_fans(self.start, self.start, finder.everything)
+        finder.measure_drift(self.start, self.before)
+        finder.find(self.near, self.start, self.before, finder.everything, reach, finder.flat, together=1)
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``; obstacles have been placed."""
@@ -104,6 +106,8 @@ class ClothContact:
         wp.copy(self.now, state.particle_q, count=model.particle_count)
         self.rounds.zero_()
         self.impacts.fill_(1)
+        self.met.fill_(1)
+        self.finder.measure_drift(self.start, self.now)
         wp.capture_while(self.impacts, self._part, state=state, span=span)
         self.fraction.fill_(1.0)
         self.next_fraction.fill_(1.0)
@@ -158,15 +162,19 @@ class ClothContact:
         return [(edge, [row[1] for row in obstacles if row[0] == world]) for world, edge in edges.items()]
 
     def _part(self, state: State, span: float) -> None:
-        """One round of impacts; it goes on while there are any, up to ``ROUNDS``."""
+        """One round of impacts; it goes on while there are any, up to ``ROUNDS``.
+
+        After the first, only what met in the round before can have changed, and is looked at.
+        """
         swept, surface, kernels = self.swept, self.surface, self.kernels
-        self.finder.look_at_fans(self.start, self.now)
-        self.finder.find(swept, self.start, self.now, 2.0 * SEPARATION, self.finder.flat, together=1)
+        self.finder.look_at_fans(self.start, self.now, self.met)
+        self.finder.find(swept, self.start, self.now, self.met, 2.0 * SEPARATION, self.finder.flat, together=1)
         self.impacts.zero_()
+        self.met.zero_()
         self._launch(
             kernels.contact_impact.find_impacts, self.width,
             [surface.inv_mass, swept.pairs, SEPARATION, CLEARANCE, self.width, self.start, self.now],
-            [swept.weights, swept.normal, swept.depth, self.share, self.impacts],
+            [swept.weights, swept.normal, swept.depth, self.share, self.met, self.impacts],
         )  # fmt: skip
         self._launch(
             kernels.contact_impact.count_round, 1, [ROUNDS], [self.impacts, self.remaining, self.rounds, self.counts]
@@ -198,7 +206,8 @@ class ClothContact:
 
         How far each goes is not known, so no fan can be taken for flat, and no pair be told by its relative motion.
         """
-        self.finder.find(self.swept, self.start, self.now, 2.0 * SEPARATION, self.finder.none, together=0)
+        finder = self.finder
+        finder.find(self.swept, self.start, self.now, finder.everything, 2.0 * SEPARATION, finder.none, together=0)
         self.held_back.zero_()
         self._launch(
             self.kernels.contact_guard.limit_motion, self.width,

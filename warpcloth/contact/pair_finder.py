@@ -10,7 +10,7 @@ from ..surface import Surface
 from .fans import fans_of
 from .pair_list import PairList, loop_width
 
-ROOM = 0.25  # of an edge's length: how far a triangle may stray before its neighbours are looked up again
+ROOM = 0.05  # of an edge's length: how far a triangle may stray before its neighbours are looked up again
 
 
 class PairFinder:
@@ -18,6 +18,7 @@ class PairFinder:
 
     Attributes:
         flat, none: masks of fans, shape [particle_count].
+        everything: a mask of all particles of the surface.
     """
 
     def __init__(self, model: Model, surface: Surface):
@@ -26,11 +27,12 @@ class PairFinder:
         self.lower, self.upper, self.known_lower, self.known_upper = (
             wp.zeros(tris, dtype=wp.vec3, device=device) for _ in range(4)
         )
-        self.moved = wp.zeros(tris, dtype=wp.int32, device=device)
-        self.peak = wp.zeros(1, dtype=wp.int32, device=device)
+        self.moved, self.tri_active = (wp.zeros(tris, dtype=wp.int32, device=device) for _ in range(2))
+        self.any_moved, self.peak = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(2))
+        self.everything = wp.ones(surface.particle_count, dtype=wp.int32, device=device)
         self.room, self.width = ROOM * surface.edge, loop_width(model.device)
         self.forget()
-        self._bound(surface.rest, surface.rest, 0.0)
+        self._bound(surface.rest, surface.rest, self.everything, 0.0)
         self.bvh = wp.Bvh(self.known_lower, self.known_upper)
         self._allocate(4 * tris)
         self.relative = surface.positions()
@@ -44,44 +46,52 @@ class PairFinder:
         self.flat, self.none = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(2))
 
     def find(
-        self, target: PairList, start: wp.array, end: wp.array, margin: float, flat: wp.array, together: int
-    ) -> None:
+        self, target: PairList, start: wp.array, end: wp.array, active: wp.array, margin: float, flat: wp.array,
+        together: int,
+    ) -> None:  # fmt: skip
         """Fills ``target`` with the pairs that can come within ``margin`` [m] on the way from start to end.
 
         Args:
             start, end: positions of all particles of the surface [m].
+            active: mask of particles; pairs of two triangles without any are left out.
             flat: which fans need not be looked at; see :meth:`look_at_fans`.
-            together: 1 if all move at the same time, so that only relative motion counts, 0 if each at its own.
+            together: 1 if all move at the same time, so that only relative motion counts, 0 if each at its own; if 1,
+                :meth:`measure_drift` comes first.
         """
         surface = self.surface
-        end = self._without_drift(start, end) if together else end
-        self._bound(start, end, 0.5 * margin)
-        self._renew_known()
+        end = self._without_drift(end) if together else end
+        self._bound(start, end, active, 0.5 * margin)
+        wp.capture_if(self.any_moved, on_true=self._renew_known, on_false=self._reuse_known)
         self._launch(self.kernels.contact_fans.add_fan_pairs, len(self.shared), [self.shared, flat], [self.found])
         target.pairs.count.zero_()
         self._launch(
             self.kernels.contact_pairs.find_pairs, self.width,
             [
                 surface.tri_indices, surface.tri_owned, surface.body, surface.radius, surface.rest, self.width,
-                self.found, start, end, self.lower, self.upper, margin, surface.cloth_particles, together,
+                self.found, start, end, self.lower, self.upper, self.tri_active, margin, surface.cloth_particles,
+                together,
             ],
             [target.pairs],
         )  # fmt: skip
         for pairs in (self.found, target.pairs):
             self._launch(self.kernels.contact_candidates.note_peak, 1, [pairs.count], [pairs.peak])
 
-    def _without_drift(self, start: wp.array, end: wp.array) -> wp.array:
-        """Only relative motion counts where all move together: ``end`` less the mean motion of each world."""
+    def measure_drift(self, start: wp.array, end: wp.array) -> None:
+        """Notes the mean motion of each world; cloth that falls as a whole does not sweep what it falls through."""
         self.drift.zero_()
-        kernels, surface = self.kernels.contact_candidates, self.surface
+        surface = self.surface
         inputs = [surface.world, self.share, start, end]
-        self._launch(kernels.sum_drift, surface.cloth_particles, inputs, [self.drift])
-        self._launch(kernels.remove_drift, surface.particle_count, [surface.world, end, self.drift], [self.relative])
+        self._launch(self.kernels.contact_candidates.sum_drift, surface.cloth_particles, inputs, [self.drift])
+
+    def _without_drift(self, end: wp.array) -> wp.array:
+        surface = self.surface
+        inputs = [surface.world, end, self.drift]
+        self._launch(self.kernels.contact_candidates.remove_drift, surface.particle_count, inputs, [self.relative])
         return self.relative
 
-    def look_at_fans(self, start: wp.array, end: wp.array) -> None:
-        """Notes in ``flat`` which fans are flat all the way between two sets of positions."""
-        inputs = [self.fan_start, self.fan_spokes, self.fan_turns, start, end]
+    def look_at_fans(self, start: wp.array, end: wp.array, active: wp.array) -> None:
+        """Notes in ``flat`` which fans with an active particle are flat all the way between two sets of positions."""
+        inputs = [self.fan_start, self.fan_spokes, self.fan_turns, start, end, active]
         self._launch(self.kernels.contact_fans.find_flat_fans, self.model.particle_count, inputs, [self.flat])
 
     def grow(self) -> bool:
@@ -110,12 +120,20 @@ class PairFinder:
         pairs.pair = wp.zeros(self.capacity, dtype=wp.vec2i, device=self.model.device)
         return pairs
 
-    def _bound(self, start: wp.array, end: wp.array, margin: float) -> None:
+    def _bound(self, start: wp.array, end: wp.array, active: wp.array, margin: float) -> None:
+        self.any_moved.zero_()
         self._launch(
             self.kernels.contact_candidates.swept_bounds, self.surface.tri_count,
-            [self.surface.tri_indices, start, end, margin, self.room],
-            [self.lower, self.upper, self.known_lower, self.known_upper, self.moved],
+            [self.surface.tri_indices, start, end, active, margin, self.room],
+            [
+                self.lower, self.upper, self.known_lower, self.known_upper, self.moved, self.any_moved,
+                self.tri_active,
+            ],
         )  # fmt: skip
+
+    def _reuse_known(self) -> None:
+        """``found`` begins with a copy of ``known`` since that was last renewed."""
+        wp.copy(self.found.count, self.known.count)
 
     def _renew_known(self) -> None:
         """Looks up the pairs of triangles that have left their known boxes; ``found`` is a copy of ``known`` then."""
