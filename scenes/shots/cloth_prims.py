@@ -70,7 +70,8 @@ def prim_at(stage: Usd.Stage, path: str, file: str) -> Usd.Prim:
     prim = stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
     if prim and prim.IsActive() and not prim.IsPseudoRoot():
         return prim
-    known = [str(prim.GetPath()) for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())]
+    every = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+    known = [str(prim.GetPath()) for prim in every if not prim.IsPseudoRoot()]
     close = get_close_matches(path, known, n=1, cutoff=0.5)
     raise UsdError(f"There is no prim {path} in {file}" + (f"; did you mean {close[0]}?" if close else "."))
 
