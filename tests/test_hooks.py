@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from embedding_kernels import Lowest, Pull, Slope, track_lowest
+from host_watch import no_host
 from integrator_problems import NAMES
 
 import warpcloth as wc
@@ -104,16 +105,6 @@ def test_the_simulations_own_graph_has_forces_and_hooks_in_it():
         sim.run(5)
     assert graph._graphs
     np.testing.assert_array_equal(phase(graph), phase(plain))
-
-
-def no_host(monkeypatch) -> None:
-    def refuse(*arguments, **options):
-        raise AssertionError("a step read something back to the host")
-
-    for method in ("numpy", "list", "__array__", "__dlpack__", "__getitem__"):
-        monkeypatch.setattr(wp.array, method, refuse)
-    for function in ("synchronize", "synchronize_device", "synchronize_stream", "synchronize_event"):
-        monkeypatch.setattr(wp, function, refuse)
 
 
 @pytest.mark.parametrize("graph", [False, True])

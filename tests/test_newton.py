@@ -7,6 +7,7 @@ import newton
 import numpy as np
 import pytest
 import warp as wp
+from host_watch import no_host
 from integrator_problems import NAMES
 
 import warpcloth as wc
@@ -56,15 +57,13 @@ def finished(*makers, worlds: int = 1) -> newton.Model:
     return model
 
 
-def roll_out(model, solver, steps: int, dt: float, force=None, contacts=None) -> newton.State:
+def roll_out(model, solver, steps: int, dt: float, force=None) -> newton.State:
     now, later = model.state(), model.state()
     for _ in range(steps):
         now.clear_forces()
         if force is not None:
             now.particle_f.assign(force)
-        if contacts is not None:
-            contacts.collide(now)
-        solver.step(now, later, None, contacts and contacts.buffer, dt)
+        solver.step(now, later, None, None, dt)
         now, later = later, now
     return now
 
@@ -183,69 +182,19 @@ def test_steps_in_a_graph_are_the_steps():
     np.testing.assert_array_equal(a.particle_q.numpy(), roll_out(model, plain, 10, 1e-3).particle_q.numpy())
 
 
-class Collisions:
-    """Newton's collision pipeline and its buffer."""
-
-    def __init__(self, model: newton.Model):
-        self.pipeline = newton.CollisionPipeline(model)
-        self.buffer = self.pipeline.contacts()
-
-    def collide(self, state: newton.State) -> None:
-        self.pipeline.collide(state, self.buffer)
-
-
-@pytest.fixture(scope="module")
-def slope():
-    """A small cloth on a plane through the origin, with one friction coefficient; the plane tilts with gravity."""
-    builder = newton.ModelBuilder()
-    cloth = wc.Cloth.grid((0.1, 0.1), (4, 4), FABRIC, transform=(0, 0, 0.5 * FABRIC.thickness))
-    add_cloth(builder, cloth)
-    builder.add_ground_plane(cfg=newton.ModelBuilder.ShapeConfig(mu=0.3))
-    model = builder.finalize(device="cpu")
-    model.soft_contact_mu = 0.3
-    return model, Collisions(model)
-
-
-def slid(slope, angle: float, name: str, steps: int) -> np.ndarray:
-    """Ways of all particles down a slope [m] in 0.5 s."""
-    model, collisions = slope
-    model.set_gravity((9.81 * np.sin(np.radians(angle)), 0.0, -9.81 * np.cos(np.radians(angle))))
-    end = roll_out(model, SolverMassSpring(model, name), steps, 0.5 / steps, contacts=collisions)
-    way = end.particle_q.numpy() - model.particle_q.numpy()
-    assert np.abs(way[:, 2]).max() < 1e-5
-    return way[:, 0]
-
-
-@pytest.mark.parametrize(("name", "steps"), [("symplectic_euler", 500), ("xpbd", 300), ("implicit_euler", 100)])
-def test_cloth_slides_on_newtons_contacts_by_coulombs_law(slope, name, steps):
-    """s = ½ (g sin θ − μ g cos θ) t² = 0.294536 m; first order in the step, hence the tolerance of one step's speed."""
-    assert slid(slope, 30.0, name, steps).mean() == pytest.approx(0.294536, rel=1.5 / steps)
-
-
-@pytest.mark.parametrize("name", ["symplectic_euler", "xpbd"])
-def test_cloth_sticks_below_the_angle_of_friction(slope, name):
-    """tan 16.6992° = 0.3: no creep at all below it, and motion above."""
-    assert np.abs(slid(slope, 16.5, name, 500)).max() < 1e-6
-    assert slid(slope, 17.0, name, 500).min() > 1e-3
-
-
-def test_cloth_is_carried_by_a_body_that_moves():
-    builder = newton.ModelBuilder()
-    add_cloth(builder, wc.Cloth.grid((0.1, 0.1), (4, 4), FABRIC, transform=(0, 0, 0.5 * FABRIC.thickness)))
-    body = builder.add_body(xform=wp.transform(wp.vec3(0.0, 0.0, -0.1), UPRIGHT))
-    builder.add_shape_box(body, hx=0.5, hy=0.5, hz=0.1, cfg=newton.ModelBuilder.ShapeConfig(mu=0.5))
-    model = builder.finalize(device="cpu")
-    solver, collisions = SolverMassSpring(model), Collisions(model)
-    now, later = model.state(), model.state()
-    for k in range(200):
-        now.body_q.assign([wp.transform(wp.vec3(0.1 * k * 1e-3, 0.0, -0.1), UPRIGHT)])
-        now.body_qd.assign([wp.spatial_vector(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)])
-        collisions.collide(now)
-        solver.step(now, later, None, collisions.buffer, 1e-3)
-        now, later = later, now
-    speed = now.particle_qd.numpy()
-    np.testing.assert_allclose(speed, np.broadcast_to([0.1, 0.0, 0.0], speed.shape), atol=1e-4)
-    np.testing.assert_array_equal(now.body_q.numpy(), later.body_q.numpy())
+@pytest.mark.parametrize("name", [name for name in NAMES if not INTEGRATORS[name].adaptive])
+def test_a_step_does_not_look_back_to_the_host(name, monkeypatch):
+    model = finished(our_grid)
+    solver, now, later = SolverMassSpring(model, name), model.state(), model.state()
+    mask = wp.array([True, True], dtype=wp.bool, device="cpu")
+    for patched in (False, True):  # the first time compiles and allocates
+        if patched:
+            no_host(monkeypatch)
+        solver.step(now, later, None, None, 1e-3)
+        solver.step(later, now, None, None, 1e-3)
+        solver.reset(now)
+        if not patched:
+            solver.reset(now, mask)
 
 
 def test_a_cloth_in_a_builder_is_that_cloth():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
+from host_watch import no_host
 
 import warpcloth as wc
 from warpcloth import diagnostics
@@ -58,6 +59,17 @@ def test_masked_resets_begin_anew_and_leave_the_rest():
         fresh.step(a)
     np.testing.assert_array_equal(e.positions.numpy()[1], fresh.positions.numpy()[1])
     assert np.abs(e.positions.numpy()[0] - fresh.positions.numpy()[0]).max() > 1e-3
+
+
+def test_steps_and_resets_stay_on_the_device(monkeypatch):
+    e, a = env(), wp.array(actions(3), dtype=wp.vec3, device="cpu")
+    mask = wp.array([True, False, True], dtype=wp.bool, device="cpu")
+    for patched in (False, True):  # the first time compiles and allocates
+        if patched:
+            no_host(monkeypatch)
+        for _ in range(3):
+            e.step(a)
+        e.reset(mask)
 
 
 def test_handles_may_be_groups():
