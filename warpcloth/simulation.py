@@ -8,6 +8,7 @@ import warp as wp
 
 from . import diagnostics, stability, validate
 from .air import Air
+from .backup import Backup
 from .contact import CONTACTS, ContactStage
 from .force_terms import force_terms, world_gravity
 from .forces import Forces, Grabs
@@ -93,11 +94,10 @@ class Simulation:
         self.hooks = checked_hooks(hooks)
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
-        self._other, self._before = self.state.twin(), self.state.twin()
-        self._time_before = wp.clone(self.state.world_time)
+        self._other = self.state.twin()
         hooked = [item for hook in self.hooks for item in hook.memory()]
         self._memory = [*self.integrator.memory(), *self.forces.memory(), *hooked]
-        self._memory_before = [wp.clone(item.array) for item in self._memory]
+        self._backup = Backup(self.state, self._memory)
         self._auto = isinstance(substeps, str)
         self._auto_dt = 0.0
         if self._auto:
@@ -145,14 +145,15 @@ class Simulation:
             self._lookout.warn_if_unstable(self.state, dt, self.substeps)
         if self._grabs is not None:
             self._grabs.begin_frame(self.time, dt, dt / self.substeps)
-        self._remember()
+        self._backup.keep(self.state)
+        self.contact.remember()
         self._advance(dt, self.substeps)
         while self.contact.grow():
             self._restore()
             self._advance(dt, self.substeps)
         self.time += dt
         if self.check:
-            self._lookout.look(self._before, self.state, self.time, dt, self.substeps)
+            self._lookout.look(self._backup.before, self.state, self.time, dt, self.substeps)
 
     def reset(self, worlds: Any = None) -> None:
         """Puts worlds back to their start: particles, clock, and what schemes and forces remember.
@@ -321,21 +322,10 @@ class Simulation:
             device=self.model.device,
         )
 
-    def _remember(self) -> None:
-        """Keeps the state before a frame, in case it has to be done again."""
-        self._before.copy_from(self.state)
-        wp.copy(self._time_before, self.state.world_time)
-        for before, item in zip(self._memory_before, self._memory, strict=True):
-            wp.copy(before, item.array)
-        self.contact.remember()
-
     def _restore(self) -> None:
         """Back to the state before the frame."""
-        self.state.copy_from(self._before)
-        wp.copy(self.state.world_time, self._time_before)
         self.integrator.reset()
-        for before, item in zip(self._memory_before, self._memory, strict=True):
-            wp.copy(item.array, before)
+        self._backup.restore(self.state)
         self._forget_frames()
 
     def _forget_frames(self) -> None:

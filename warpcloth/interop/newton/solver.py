@@ -57,13 +57,13 @@ class SolverMassSpring(newton.solvers.SolverBase):
         self.network = network = Network(model)
         self.substeps = validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
         self._scheme = (integrator, integrator_options)
-        self._make_integrator()
         self._applied = AppliedForce(network)
         self.forces = Forces(network, [Springs(network, assembly), self._applied], model.gravity)
         start = State.of(network)
         self.world_time = start.world_time
         self._force, self._scratch = start.particle_f, [start.twin(), start.twin()]
         self._planes: ContactPlanes | None = None
+        self._make_integrator()
 
     def step(
         self,
@@ -125,7 +125,7 @@ class SolverMassSpring(newton.solvers.SolverBase):
         ):
             if wanted & flag:
                 self._rows.restore(mask, start, now)
-        self._rows.clear(mask, [*self.integrator.memory(), Memory(self.world_time, None)])
+        self._rows.clear(mask, self._memory)
 
     def notify_model_changed(self, flags: ModelFlags | int) -> None:
         """With ``MODEL_PROPERTIES``, springs are read anew; masses, flags, gravity and contacts always are."""
@@ -141,6 +141,7 @@ class SolverMassSpring(newton.solvers.SolverBase):
         name, options = self._scheme
         self.integrator = make_integrator(name, self.network, options)
         self._rows = WorldRows(self.network)
+        self._memory = [*self.integrator.memory(), Memory(self.world_time, None)]
 
     def _substep(self, now: State, later: State, h: float, planes: ContactPlanes | None, elapsed: float) -> None:
         network, source = self.network, self.model
