@@ -9,7 +9,9 @@ from typing import TextIO
 
 from rich.console import Console
 
-from ..errors import StabilityWarning
+from ..errors import ContactWarning, ConvergenceWarning, FabricWarning, StabilityWarning
+
+OURS = (ContactWarning, ConvergenceWarning, FabricWarning, StabilityWarning)
 
 
 def messages() -> Console:
@@ -41,7 +43,7 @@ def warnings_as_lines() -> Iterator[None]:
         file: TextIO | None = None,
         line: str | None = None,
     ) -> None:
-        if issubclass(category, StabilityWarning):
+        if issubclass(category, OURS):
             messages().print(f"warpcloth: {message}", markup=False)
         else:
             usual(message, category, filename, lineno, file, line)
@@ -49,7 +51,8 @@ def warnings_as_lines() -> Iterator[None]:
     with warnings.catch_warnings():
         usual = warnings.showwarning
         warnings.showwarning = show
-        warnings.simplefilter("always", StabilityWarning)
+        for kind in OURS:
+            warnings.simplefilter("always", kind)
         yield
 
 
