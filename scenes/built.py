@@ -39,7 +39,8 @@ class BuiltScene:
         """
         if scene.stage is not None:
             shot = _shot(scene)
-            return BuiltScene(scene, shot.cloths, shot.obstacles, None, shot)
+            network = None if shot.network is None else shot.network.network
+            return BuiltScene(scene, shot.cloths, shot.obstacles, network, shot)
         cloths, obstacles = scene.build()
         return BuiltScene(scene, cloths, obstacles, scene.build_network())
 

@@ -9,12 +9,14 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from warpcloth.cloth import Cloth
 from warpcloth.errors import InputError, UsdError
+from warpcloth.obstacles import Obstacle
 from warpcloth.transforms import apply, placement
 
 from ..schema import Scene
 from ..schema.cloth import ClothTable, DiscTable, GridTable
 from ..usd.failures import as_usd_error
 from ..usd.mesh_prims import ClothPrim
+from ..usd.network_prims import NetworkPrim
 from ..usd.obstacle_prims import ObstaclePrim
 from ..usd.paths import Target, output_target, publish
 from ..usd.samples import integers
@@ -23,6 +25,7 @@ from ..usd.writer import surroundings
 from .cloth_prims import BODY_API, SIM_API
 from .materials import write_material
 from .motions import note_motion
+from .network import note_network
 from .notes import NOTES, note
 from .pins import FAMILY
 from .rest_shapes import RestShape
@@ -37,39 +40,45 @@ def export_scene(scene: Scene, path: str | os.PathLike) -> Path:
     sampled transforms. What USD has no words for is noted as ``warpcloth:…``.
 
     Args:
-        scene: with cloths; a bare network of springs is nothing that stages have.
+        scene: with cloths, or a bare network of springs, which only warpcloth finds in the stage again.
         path: ``.usda``, ``.usdc`` or ``.usdz``.
 
     Raises:
-        InputError: the scene has no cloths of its own, or cannot be built; UsdError: ``path`` cannot be written.
+        InputError: the scene is a stage already, or cannot be built; UsdError: ``path`` cannot be written.
     """
-    if not scene.cloth:
-        kind = "a bare network of springs" if scene.stage is None else "a USD stage already"
-        raise InputError(f"Scene '{scene.name}' is {kind}, so there is no cloth in it to export.")
+    if scene.stage is not None:
+        raise InputError(f"Scene '{scene.name}' is a USD stage already, {scene.stage.path}.")
     target = output_target(path)
     cloths, obstacles = scene.build()
+    network = scene.build_network()
     stage = create_stage(target.partial, scene.fps, {"scene": scene.name})
     try:
         _physics_scene(stage, scene)
         bodies = zip(scene.cloth, cloths, prim_names([cloth.name for cloth in cloths]), strict=True)
         for table, cloth, name in bodies:
             _cloth(stage, table, cloth, name)
-        around, names = surroundings(cloths), prim_names([obstacle.name for obstacle in obstacles])
-        drawn = [
-            ObstaclePrim(stage, OBSTACLES.AppendChild(name), obstacle, around)
-            for obstacle, name in zip(obstacles, names, strict=True)
-        ]
-        for prim, obstacle in zip(drawn, obstacles, strict=True):
-            note_motion(prim.prim, obstacle.motion, prim.placement)
-        for frame in range(scene.frames + 1):
-            for prim in drawn:
-                prim.write(frame, frame / scene.fps)
+        if network is not None:
+            drawn = NetworkPrim(stage, CLOTH.AppendChild(prim_names([network.name])[0]), network)
+            note_network(drawn.particles.GetPrim(), network)
+        _obstacles(stage, scene, cloths, obstacles)
         stage.SetEndTimeCode(scene.frames)
         _save(stage, target)
     except BaseException:
         target.partial.unlink(missing_ok=True)
         raise
     return target.final
+
+
+def _obstacles(stage: Usd.Stage, scene: Scene, cloths: list[Cloth], obstacles: list[Obstacle]) -> None:
+    """Obstacles with samples at every frame, and the motions that these are of."""
+    if not obstacles:
+        return
+    around, names = surroundings(cloths), prim_names([obstacle.name for obstacle in obstacles])
+    for obstacle, name in zip(obstacles, names, strict=True):
+        drawn = ObstaclePrim(stage, OBSTACLES.AppendChild(name), obstacle, around)
+        note_motion(drawn.prim, obstacle.motion, drawn.placement)
+        for frame in range(scene.frames + 1):
+            drawn.write(frame, frame / scene.fps)
 
 
 def _physics_scene(stage: Usd.Stage, scene: Scene) -> None:

@@ -13,12 +13,13 @@ from warpcloth.errors import UsdError
 
 from ..usd.clock import Clock
 from ..usd.failures import as_usd_error
-from ..usd.frames import FrameWriter
+from ..usd.frames import FrameWriter, SampledCloth
 from ..usd.growing import GrowingStage
 from ..usd.paths import Target, output_target, publish
 from ..usd.stage import ASSET, PROVENANCE, with_provenance
 from ..usd.writer import check_rate
 from .cloth_over import ClothOver
+from .network import NetworkOver
 from .shot import Shot
 
 COLLISION_API = "PhysicsCollisionAPI"
@@ -51,7 +52,11 @@ class ShotWriter(FrameWriter):
         facts = {"version": __version__, **provenance, ASSET: shot.path.name}
         file = GrowingStage(cache, _layer(cache.partial, shot.stage, fps, facts), clock)
         try:
-            overs = {part.cloth.name: ClothOver(file.stage, part, shot.start, 0.5 * clock.step) for part in shot.parts}
+            overs: dict[str, SampledCloth] = {
+                part.cloth.name: ClothOver(file.stage, part, shot.start, 0.5 * clock.step) for part in shot.parts
+            }
+            if shot.network is not None:
+                overs[shot.network.network.name] = NetworkOver(file.stage, shot.network)
             for collider in shot.colliders:
                 file.stage.OverridePrim(collider).AddAppliedSchema(COLLISION_API)
             super().__init__(file, float(fps), overs, [])

@@ -17,6 +17,7 @@ from ..usd.opening import transform_codes, world_matrix
 from .cloth_prims import cloth_meshes, cloth_names, is_deformable, prim_at
 from .cloth_reader import ShotCloth, read_cloth
 from .motions import noted_motion, same_motion
+from .network import ShotNetwork, read_network
 from .opening import first_code, open_shot
 
 
@@ -31,6 +32,7 @@ class Shot:
         parts: its cloths.
         obstacles: what they collide with [m], Z up.
         colliders: paths of prims that are colliders only because a user said so.
+        network: a bare network of springs in place of cloths and obstacles, or None.
     """
 
     path: Path
@@ -39,6 +41,7 @@ class Shot:
     parts: list[ShotCloth]
     obstacles: list[Obstacle]
     colliders: tuple[Sdf.Path, ...]
+    network: ShotNetwork | None = None
 
     @property
     def cloths(self) -> list[Cloth]:
@@ -63,6 +66,9 @@ def read_shot(
     stage = open_shot(path)
     with as_usd_error(f"Cannot read {path.name}"), quietly():
         start = first_code(stage)
+        network = None if cloth else read_network(stage)
+        if network is not None:
+            return Shot(path, stage, start, [], [], (), network)
         meshes = cloth_meshes(stage, cloth, path.name)
         parts = [read_cloth(mesh, name, start, fabric) for mesh, name in zip(meshes, cloth_names(meshes), strict=True)]
         taken = {mesh.GetPath() for mesh in meshes}
