@@ -113,7 +113,16 @@ def stretched_ball(stage):
     UsdGeom.XformCommonAPI(add_ball(stage).GetPrim()).SetScale((1.0, 2.0, 1.0))
 
 
+def scattered_ball(stage):
+    add_cloth(stage)
+    scatter = UsdGeom.PointInstancer.Define(stage, "/World/Scatter")
+    scatter.CreatePrototypesRel().AddTarget(add_ball(stage, "/World/Scatter/Ball").GetPath())
+    scatter.CreateProtoIndicesAttr([0])
+    scatter.CreatePositionsAttr([(0, 0, 0)])
+
+
 FAULTS = [
+    (scattered_ball, "Collider /World/Scatter/Ball is scattered by a point instancer"),
     (
         plain_mesh,
         "Nothing in shot.usda says that it is cloth by PhysicsSurfaceDeformableSimAPI; choose from its meshes",
@@ -188,6 +197,15 @@ def test_a_wrong_choice_is_one_sentence(tmp_path, monkeypatch, capfd, options, s
     UsdShade.Material.Define(stage, "/World/Fabric")
     stage.Save()
     refused(capfd, tmp_path, sentence, *options)
+
+
+def test_what_a_point_instancer_scatters_is_no_cloth(tmp_path, capfd):
+    stage = new_stage(tmp_path / "shot.usda")
+    UsdGeom.PointInstancer.Define(stage, "/World/Scatter")
+    plain_mesh(stage)
+    add_mesh(stage, "/World/Scatter/Leaf")
+    stage.Save()
+    refused(capfd, tmp_path, "Prim /World/Scatter/Leaf in shot.usda is scattered", "--cloth", "/World/Scatter/Leaf")
 
 
 @pytest.mark.parametrize("content", [b"", b"#usda 1.0\ndef Mesh {", b"PXR-USDC and so on", b"solid stl"])

@@ -165,10 +165,10 @@ def test_a_cache_of_another_program(tmp_path):
 
 def test_a_collider_that_cannot_be_an_obstacle_is_an_error_of_the_file(tmp_path):
     stage = foreign_stage(tmp_path / "show.usda")
-    UsdGeom.Cone.Define(stage, "/Show/Cone").GetPrim().ApplyAPI("PhysicsCollisionAPI")
+    UsdGeom.NurbsPatch.Define(stage, "/Show/Patch").GetPrim().ApplyAPI("PhysicsCollisionAPI")
     stage.GetRootLayer().Save()
     errors = check_cache(tmp_path / "show.usda").usd_errors
-    assert [error for error in errors if "/Show/Cone is a Cone" in error]
+    assert [error for error in errors if "/Show/Patch is a NurbsPatch" in error]
 
 
 def write(path: Path, content: bytes) -> Path:

@@ -76,6 +76,13 @@ def prim_at(stage: Usd.Stage, path: str, file: str) -> Usd.Prim:
     raise UsdError(f"There is no prim {path} in {file}" + (f"; did you mean {close[0]}?" if close else "."))
 
 
+def is_scattered(prim: Usd.Prim) -> bool:
+    """Whether a prim is or belongs to a prototype of a point instancer, and so has no place of its own."""
+    while prim and not prim.IsA(UsdGeom.PointInstancer):
+        prim = prim.GetParent()
+    return bool(prim)
+
+
 def _meshes(stage: Usd.Stage) -> Iterator[UsdGeom.Mesh]:
     """All meshes, those of instances too, but not what a point instancer scatters: those have no place of their own."""
     walk = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
@@ -89,6 +96,9 @@ def _meshes(stage: Usd.Stage) -> Iterator[UsdGeom.Mesh]:
 def _below(stage: Usd.Stage, path: str, meshes: Sequence[UsdGeom.Mesh], file: str) -> list[UsdGeom.Mesh]:
     prim = prim_at(stage, path, file)
     found = [mesh for mesh in meshes if mesh.GetPath().HasPrefix(prim.GetPath())]
+    if not found and is_scattered(prim):
+        rule = "make its instances prims of their own"
+        raise UsdError(f"Prim {path} in {file} is scattered by a point instancer and cannot be cloth; {rule}.")
     if not found:
         kind = prim.GetTypeName() or "prim"
         raise UsdError(f"Prim {path} in {file} is a {kind} with no mesh in it, and cloth must be a mesh.")

@@ -14,7 +14,7 @@ from warpcloth.obstacles import Obstacle
 from ..usd.failures import as_usd_error, quietly
 from ..usd.obstacle_reader import is_collider, read_obstacle
 from ..usd.opening import transform_codes, world_matrix
-from .cloth_prims import cloth_meshes, cloth_names, is_deformable, prim_at
+from .cloth_prims import cloth_meshes, cloth_names, is_deformable, is_scattered, prim_at
 from .cloth_reader import ShotCloth, read_cloth
 from .motions import noted_motion, same_motion
 from .network import ShotNetwork, read_network
@@ -94,6 +94,9 @@ def _gprims(stage: Usd.Stage, path: str, file: str) -> list[Usd.Prim]:
 
 def _obstacle(prim: Usd.Prim, start: float) -> Obstacle:
     """A collider, moving by the keys noted on it as long as its samples say the same."""
+    if is_scattered(prim):
+        rule = "make its instances prims of their own"
+        raise UsdError(f"Collider {prim.GetPath()} is scattered by a point instancer, which cannot be read; {rule}.")
     obstacle = read_obstacle(prim, start)
     rest = world_matrix(prim, Usd.TimeCode.Default())
     motion, codes = noted_motion(prim, rest), transform_codes(prim)

@@ -1,9 +1,10 @@
 """Obstacles from a stage: every prim that UsdPhysics or a cache of ours calls a collider."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+import trimesh
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from ...errors import UsdError
@@ -16,13 +17,15 @@ from .roles import OBSTACLE_ROLE, has_schema, name_of, numbers, role_of
 from .samples import as_vectors
 
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
+SECTIONS = 64  # faces around a cylinder or cone
 
 
 def read_obstacles(stage: Usd.Stage, origin: float = 0.0) -> list[Obstacle]:
     """The colliders of a stage as obstacles in metres, Z up, with their motion.
 
-    Spheres, capsules, cubes, planes and meshes; still, under sampled transforms (which become rigid motions with a key
-    per sample), or with sampled points. What our own caches note besides (thickness, friction, …) is read too.
+    Spheres, capsules, cubes, planes and meshes, and cylinders and cones, which become meshes; still, under sampled
+    transforms (which become rigid motions with a key per sample), or with sampled points. What our own caches note
+    besides (thickness, friction, …) is read too.
 
     Args:
         stage: any stage.
@@ -66,7 +69,10 @@ def read_obstacle(prim: Usd.Prim, origin: float = 0.0) -> Obstacle:
             if frame is None or not are_rigid(rest, matrices):
                 raise _stretched(prim)
             return make(kind(prim), frame, common | {"motion": rigid_motion(rest, seconds, matrices)})
-    wanted = "a Sphere, Capsule, Cube, Plane or Mesh"
+    for kind, make in _SOLIDS.items():
+        if prim.IsA(kind):
+            return _solid(kind(prim), make, origin, common)
+    wanted = "a Sphere, Capsule, Cube, Cylinder, Cone, Plane or Mesh"
     raise UsdError(f"Collider {prim.GetPath()} is a {prim.GetTypeName()}, which cannot be an obstacle; use {wanted}.")
 
 
@@ -85,20 +91,47 @@ def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObst
     deforms = attribute.ValueMightBeTimeVarying()
     varying = transform_codes(prim) + (attribute.GetTimeSamples() if deforms else [])
     codes, seconds = _samples(prim, varying, origin)
-    matrices = [world_matrix(prim, code) for code in codes]
-    rest_code = _rest_code(prim, codes)
-    rest = world_matrix(prim, rest_code)
-    points = apply(rest, _points(mesh, rest_code))
-    triangles = mesh_triangles(mesh, points)
+    rest = _points(mesh, _rest_code(prim, codes))
+    if not deforms:
+        return _placed(prim, codes, seconds, rest, mesh_triangles(mesh, rest), common)
+    samples = [_points(mesh, code) for code in codes]
+    if any(len(sample) != len(rest) for sample in samples):
+        raise UsdError(f"Collider {prim.GetPath()} has sampled points of changing number; an obstacle keeps its mesh.")
+    return _placed(prim, codes, seconds, rest, mesh_triangles(mesh, rest), common, samples)
+
+
+def _placed(
+    prim: Usd.Prim,
+    codes: list[float],
+    seconds: np.ndarray,
+    local: np.ndarray,
+    triangles: np.ndarray,
+    common: dict[str, Any],
+    samples: Sequence[np.ndarray] | None = None,
+) -> MeshObstacle:
+    """Triangles over points ``local`` in the frame of a prim, or over ``samples`` of them at ``codes``, as an obstacle.
+
+    It moves rigidly where the prim does and its points are not sampled; everything else becomes sampled points.
+    """
+    rest, matrices = world_matrix(prim, _rest_code(prim, codes)), [world_matrix(prim, code) for code in codes]
+    points = apply(rest, local)
     if np.linalg.det(rest[:3, :3]) < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
-    if not deforms and are_rigid(rest, matrices):
+    if samples is None and are_rigid(rest, matrices):
         return MeshObstacle(points, triangles, motion=rigid_motion(rest, seconds, matrices), **common)
-    samples = [_points(mesh, code) for code in codes]
-    if any(len(sample) != len(points) for sample in samples):
-        raise UsdError(f"Collider {prim.GetPath()} has sampled points of changing number; an obstacle keeps its mesh.")
-    baked = np.stack([apply(matrix, sample) for matrix, sample in zip(matrices, samples, strict=True)])
+    every = [local] * len(codes) if samples is None else samples
+    baked = np.stack([apply(matrix, sample) for matrix, sample in zip(matrices, every, strict=True)])
     return MeshObstacle(points, triangles, sample_times=seconds, sample_points=baked, **common)
+
+
+def _solid(shape: UsdGeom.Gprim, make: Callable[..., Any], origin: float, common: dict[str, Any]) -> MeshObstacle:
+    """A cylinder or cone as a mesh."""
+    prim, axis = shape.GetPrim(), COLUMNS[shape.GetAxisAttr().Get()]
+    solid = make(shape.GetRadiusAttr().Get(), shape.GetHeightAttr().Get(), sections=SECTIONS)
+    around = np.array(solid.vertices) - (0.0, 0.0, float(np.mean(solid.bounds[:, 2])))  # trimesh's cone stands at 0
+    codes, seconds = _samples(prim, transform_codes(prim), origin)
+    points = np.roll(around, axis + 1, axis=1)  # z becomes the axis, and the right hand stays the right hand
+    return _placed(prim, codes, seconds, points, np.array(solid.faces, np.int32), common)
 
 
 def _samples(prim: Usd.Prim, codes: list[float], origin: float) -> tuple[list[float], np.ndarray]:
@@ -150,4 +183,9 @@ _SHAPES: dict[type[UsdGeom.Gprim], Callable[..., Obstacle]] = {
     UsdGeom.Capsule: _capsule,
     UsdGeom.Cube: _cube,
     UsdGeom.Plane: _plane,
+}
+
+_SOLIDS: dict[type[UsdGeom.Gprim], Callable[..., Any]] = {
+    UsdGeom.Cylinder: trimesh.creation.cylinder,
+    UsdGeom.Cone: trimesh.creation.cone,
 }

@@ -11,7 +11,9 @@ from ..errors import InputError
 from .report import Report
 from .terminal import messages, start_warp
 
-Shown = Annotated[str, typer.Argument(metavar="SCENE", help="A bundled scene (see `scenes`) or a .toml file.")]
+Shown = Annotated[
+    str, typer.Argument(metavar="SCENE", help="A bundled scene (see `scenes`), a .toml file or a USD stage.")
+]
 Host = Annotated[str, typer.Option(help="Address to listen on.")]
 Public = Annotated[
     bool, typer.Option("--public", help="Allow addresses other than this machine's own: anybody there has the page.")
