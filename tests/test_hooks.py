@@ -1,5 +1,7 @@
 """Forces, kernels and obstacles of the caller's own, and frames in graphs of the caller's own."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -11,6 +13,7 @@ import warpcloth as wc
 from warpcloth.contact.pair_list import PairList
 from warpcloth.errors import InputError, SimulationError
 from warpcloth.integrators import INTEGRATORS
+from warpcloth.worlds import world_mask
 
 SOFT = wc.Fabric(stretch_stiffness=20.0, shear_stiffness=5.0, damping_time=1e-3, friction=0.3)
 FRAME = 1.0 / 60.0
@@ -176,6 +179,16 @@ def test_what_is_no_hook_is_refused(options, sentence):
 def test_arrays_that_do_not_fit_are_refused(array, sentence):
     with pytest.raises(InputError, match=f"^{sentence}$"):
         wc.AppliedForce(model(), array)
+
+
+def test_arrays_on_another_device_are_refused():
+    """As there may be no second device here, the model only says that it is on one."""
+    elsewhere = SimpleNamespace(device="cuda:0", vec3=wp.vec3, particle_count=36, world_count=1)
+    force, mask = (wp.zeros(n, dtype=t, device="cpu") for n, t in ((36, wp.vec3), (1, wp.bool)))
+    with pytest.raises(InputError, match=r"^Force must be on device cuda:0, got an array on cpu\.$"):
+        wc.AppliedForce(elsewhere, force)
+    with pytest.raises(InputError, match=r"^World mask must be on device cuda:0, got an array on cpu\.$"):
+        world_mask(mask, elsewhere)
 
 
 def test_what_cannot_be_recorded_says_why():
