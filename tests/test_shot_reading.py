@@ -13,6 +13,7 @@ from warpcloth.scenes.shots.opening import stage_tables
 from warpcloth.scenes.shots.shot import read_shot
 
 from warpcloth import Fabric, MeshObstacle, Sphere
+from warpcloth.fabric_library import fabrics
 
 QUIET = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 UNITS = st.fixed_dictionaries(
@@ -188,6 +189,8 @@ def test_prims_that_are_cloth_or_collider_only_because_somebody_says_so(tmp_path
     assert [str(part.mesh.GetPath()) for part in chosen.parts] == ["/World/B/Shirt"]
     assert [obstacle.name for obstacle in chosen.obstacles] == ["Ball"]
     assert chosen.cloths[0].fabric == Fabric()
+    denim = read_shot(path, fabric=fabrics()["denim"].fabric)
+    assert [cloth.fabric.name for cloth in denim.cloths] == ["denim", "denim"]
 
 
 @pytest.mark.parametrize("axis", ["X", "Y", "Z"])
