@@ -106,6 +106,20 @@ def test_flags_worlds_gravity_and_massless_particles_are_newtons():
     np.testing.assert_array_equal(a.particle_q.numpy()[5], model.particle_q.numpy()[5])
 
 
+@pytest.mark.parametrize("name", ["symplectic_euler", "xpbd"])
+def test_springs_that_change_are_read_anew_when_told(name):
+    model = finished(newton_grid)
+    solver = SolverMassSpring(model, name, substeps=4)
+    before = roll_out(model, solver, 20, 2e-3)
+    model.spring_stiffness.fill_(20.0)
+    solver.reset(model.state())
+    assert difference(roll_out(model, solver, 20, 2e-3), before) == 0.0
+    solver.notify_model_changed(newton.ModelFlags.MODEL_PROPERTIES)
+    after = roll_out(model, solver, 20, 2e-3)
+    assert difference(after, before) > 1e-4
+    assert difference(after, roll_out(model, SolverMassSpring(model, name, substeps=4), 20, 2e-3)) == 0.0
+
+
 def test_nothing_is_copied():
     model = finished(newton_grid, worlds=2)
     solver = SolverMassSpring(model)
@@ -252,10 +266,14 @@ def test_misuse_is_one_sentence():
     model = finished(newton_grid)
     solver, state = SolverMassSpring(model), model.state()
     empty = newton.ModelBuilder().finalize(device="cpu")
+    pair = newton.ModelBuilder()
+    pair.add_particles([ZERO, ZERO], [ZERO, ZERO], [1.0, 1.0])
+    pair.add_spring(0, 1, 1.0, 0.0, 0.0)
     mask, numbers = (wp.zeros(n, dtype=t, device="cpu") for n, t in ((1, wp.bool), (2, wp.int32)))
     for sentence, call, *arguments in (
         ("Model must be a newton.Model, got int.", SolverMassSpring, 3),
         ("The Newton model must have particles, got none.", SolverMassSpring, empty),
+        ("rest_lengths[0] is 0, but must be greater than 0.", SolverMassSpring, pair.finalize(device="cpu")),
         ("state_in and state_out must be two states, got one and the same.", solver.step, state, state, None, None, 1),
         ("Dt must be a number greater than 0 and at most 1000, got 0.0.", solver.step, state, state, None, None, 0.0),
         ("World_mask must have shape (2,), got (1,).", solver.reset, state, mask),
