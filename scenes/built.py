@@ -98,13 +98,18 @@ def make_model(scenes: Sequence[BuiltScene]) -> Model:
 
 
 def make_simulation(
-    scenes: Sequence[BuiltScene], model: Model, *, profile: bool = False, untangled: bool = False
+    scenes: Sequence[BuiltScene],
+    model: Model,
+    *,
+    profile: bool = False,
+    untangled: bool = False,
+    check_start: bool = True,
 ) -> Simulation:
     """The simulation of :func:`make_model`'s model; but for gravity and air the scenes have the same options.
 
     Args:
         scenes: what the model was made of. model: the model.
-        profile, untangled: see :class:`warpcloth.Simulation`.
+        profile, untangled, check_start: see :class:`warpcloth.Simulation`.
 
     Raises:
         InputError: an option that the integrator does not take.
@@ -121,6 +126,7 @@ def make_simulation(
         air=[built.scene.air.build(built.scene.seed) for built in scenes],
         profile=profile,
         untangled=untangled,
+        check_start=check_start,
     )
 
 

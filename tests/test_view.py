@@ -1,47 +1,18 @@
-"""The session without a page, and the page in a real browser."""
+"""What the pages show, without a browser: the session behind them, the timeline, the command."""
 
-import shutil
 import time
-import urllib.request
 
 import numpy as np
 import pytest
+from view_browser import SCENE, until
 from warpcloth.scenes import check_cache, scene_from_toml
 
 from warpcloth.cli import run
+from warpcloth.cli.view import check_host
+from warpcloth.view.player import Player
 from warpcloth.view.session import Session
 
-SCENE = """
-[simulation]
-integrator = "xpbd"
-substeps = 20
-[[cloth]]
-name = "curtain"
-shape = "grid"
-size = [0.8, 0.8]
-resolution = [11, 11]
-position = [0.0, 0.0, 0.8]
-rotation = [90.0, 0.0, 0.0]
-pins = [{ edge = "top" }]
-[[obstacle]]
-name = "ball"
-shape = "sphere"
-center = [0.75, 0.0, 0.5]
-radius = 0.15
-[[obstacle]]
-name = "ground"
-shape = "plane"
-"""
 MIDDLE = ((0.0, -3.0, 0.8), (0.0, 1.0, 0.0))  # a ray to the middle of the cloth
-BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
-
-
-def until(condition, seconds=60.0):
-    """Waits for a condition; says which one never came true."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -63,7 +34,7 @@ def test_play_pause_step_reset(session):
     session.play()
     until(lambda: session.snapshot.time > 0.2)
     session.pause()
-    session.wait()
+    until(lambda: session.snapshot.status == "paused")
     stopped = session.snapshot.time
     time.sleep(0.2)
     assert session.snapshot.time == stopped
@@ -175,6 +146,8 @@ def test_a_recording_passes_the_check(session, tmp_path):
     [
         (["hanging", "--host", "0.0.0.0"], "0.0.0.0 can be reached from other machines; add --public"),
         (["hangin"], "there is no scene 'hangin'"),
+        (["none.usdc"], "Cannot read none.usdc: there is no such file."),
+        (["none.usdc", "--fps", "30"], "--set and --fps change how a scene is simulated; none.usdc is a cache."),
     ],
 )
 def test_mistakes(options, sentence, capfd):
@@ -182,141 +155,119 @@ def test_mistakes(options, sentence, capfd):
     assert sentence in capfd.readouterr().err
 
 
-class Browser:
-    """A page in Chromium, and where things are on it."""
-
-    def __init__(self, chromium, page):
-        self.server, self.page = page.server, chromium.new_page(viewport={"width": 700, "height": 440})
-        known = set(self.server.get_clients())
-        self.page.goto(page.url)
-        self.page.wait_for_selector("canvas", timeout=90_000)
-        until(lambda: set(self.server.get_clients()) - known)
-        self.who = (set(self.server.get_clients()) - known).pop()
-        self.camera = self.server.get_clients()[self.who].camera
-        until(lambda: abs(self.camera.look_at[2]) > 0.3)  # it has taken the place it was given
-        self.box = self.page.locator("canvas").first.bounding_box(timeout=90_000)
-
-    def pixel(self, place):
-        """Where a point in the world [m] is on the page."""
-        box, eye = self.box, np.asarray(self.camera.position)
-        ahead = np.asarray(self.camera.look_at) - eye
-        ahead /= np.linalg.norm(ahead)
-        right = np.cross(ahead, (0.0, 0.0, 1.0))
-        right /= np.linalg.norm(right)
-        way = np.asarray(place) - eye
-        scale = 0.5 * box["height"] / np.tan(0.5 * self.camera.fov) / (way @ ahead)
-        x, y = way @ right * scale, way @ np.cross(right, ahead) * scale
-        return box["x"] + 0.5 * box["width"] + x, box["y"] + 0.5 * box["height"] - y
-
-    def press(self, place):
-        """Mouse down at a point in the world, and moved a little, which makes it a drag."""
-        x, y = self.pixel(place)
-        self.page.mouse.move(x, y)
-        self.page.mouse.down()
-        for k in range(1, 5):
-            self.page.mouse.move(x + 3 * k, y)
-            time.sleep(0.05)
-
-    def drag(self, place):
-        """To another point, with the mouse down."""
-        self.page.mouse.move(*self.pixel(place), steps=8)
-
-    def button(self, name):
-        self.page.get_by_role("button", name=name, exact=True).click()
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "the file is empty"),
+        ("PXR-USDC and then nothing", "Cannot read"),
+        ('#usda 1.0\ndef Mesh "m" {}\n', "There is nothing to play in"),
+    ],
+)
+def test_files_that_are_no_caches(text, sentence, tmp_path, capfd):
+    path = tmp_path / ("stage.usda" if text.startswith("#") else "stage.usdc")
+    path.write_text(text)
+    assert run(["view", str(path)]) == 2
+    told = capfd.readouterr().err
+    assert sentence in told
+    assert "Traceback" not in told
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    """Debian's Chromium; the session runs in this process, so that tests see into it."""
-    if BROWSER is None:
-        pytest.skip("there is no chromium on this machine; `apt-get install chromium` brings it")
-    sync = pytest.importorskip("playwright.sync_api", reason="the extra `test` brings playwright")
-    options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-    with sync.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=options)
-        yield browser
-        browser.close()
+def test_another_address_needs_a_flag_and_prints_a_warning(capfd):
+    check_host("127.0.0.1", public=False)
+    check_host("localhost", public=False)
+    assert capfd.readouterr().err == ""
+    check_host("0.0.0.0", public=True)
+    assert "whoever reaches 0.0.0.0 sees this page, can stop the simulation" in capfd.readouterr().err
 
 
-@pytest.fixture
-def page(session, tmp_path):
-    from warpcloth.view.page import Page
+def test_a_timeline():
+    player = Player([2.0, 2.1, 2.2, 2.3])
+    player.advance(0.15)
+    assert player.frame == 0
+    player.toggle()
+    player.advance(0.15)
+    assert player.frame == 1
+    player.speed = 0.5
+    player.advance(0.11)
+    assert player.frame == 2
+    player.advance(0.4)  # 0.405 s of a loop of 0.4 s
+    assert (player.frame, player.playing) == (0, True)
+    player.loop = False
+    player.advance(2.0)
+    assert (player.frame, player.playing) == (3, False)
+    player.toggle()
+    assert (player.frame, player.playing) == (0, True)
+    player.seek(99)
+    assert (player.frame, player.playing) == (3, False)
+    player.skip(-1)
+    assert player.frame == 2
+    player.loop = True
+    player.skip(2)
+    assert player.frame == 0
+    still = Player([0.0])
+    still.toggle()
+    still.advance(3.3)
+    assert (still.frame, still.last) == (0, 0)
 
-    page = Page(session, port=8931, folder=tmp_path)
-    yield page
-    page.close()
 
+def test_frames_that_take_long_are_shown_in_parts(session):
+    step, numbers = session.stage.step, []
 
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_the_page_in_a_browser(chromium, session, page, tmp_path):
-    browser = Browser(chromium, page)
-    session.play()
-    until(lambda: session.snapshot.time > 0.2 and page.updates > 5)
-    middle = points(session)[60].astype(float)
-    browser.press(middle)
-    until(lambda: browser.who in session.stage.hands)
-    browser.drag(np.add(middle, (-0.2, -0.1, 0.1)))
-    grab = session.stage.hands[browser.who]
-    until(lambda: np.linalg.norm(grab.target - middle) > 0.1 and np.linalg.norm(grab.point - grab.target) < 0.1)
-    assert np.abs(points(session)[60] - middle).max() > 0.05
-    session.pause()
-    browser.page.screenshot(path=tmp_path / "grabbed.png", timeout=120_000)
-    browser.page.mouse.up()
-    until(lambda: not session.stage.hands)
+    def slow(slices=1):
+        step(slices)
+        time.sleep(0.1 / slices)
+        numbers.append((slices, session.stage.simulation.substeps))
 
-    browser.page.locator("input[value='xpbd']").first.click()
-    browser.page.get_by_role("option", name="implicit_euler", exact=True).click()
-    until(lambda: session.snapshot.settings.integrator == "implicit_euler")
-
-    browser.page.get_by_role("checkbox").first.click(force=True)
-    session.pause()
+    session.stage.step = slow
+    for _ in range(12):
+        session.single_step()
     session.wait()
-    time.sleep(2.0)
-    browser.page.screenshot(path=tmp_path / "gizmo.png", timeout=120_000)
-    browser.press((0.92, 0.0, 0.5))
-    browser.drag((1.2, 0.0, 0.5))
-    until(lambda: np.abs(session.stage.led["ball"].hand[:3]).max() > 0.05)
-    browser.page.mouse.up()
-    before = session.snapshot.obstacles["ball"][0].copy()
-    browser.button("Next frame")
-    until(lambda: np.abs(session.snapshot.obstacles["ball"][0] - before).max() > 0.01)
-
-    session.change(integrator="forward_euler", substeps=1, stiffness=1000.0)
-    session.play()
-    browser.page.get_by_text("diverged").wait_for(timeout=90_000)
-    browser.page.screenshot(path=tmp_path / "diverged.png", timeout=120_000)
-    browser.button("Reset")
-    until(lambda: session.snapshot.status == "paused" and session.snapshot.time == 0.0)
-
-    session.change(gravity=(4.0, 4.0, -8.0))  # so that it swings
-    browser.button("Record")
-    until(lambda: session.snapshot.recording)
-    session.play()
-    until(lambda: session.snapshot.time > 0.3)
-    browser.page.get_by_role("button", name="Stop recording").click()
-    until(lambda: not session.snapshot.recording)
-    assert check_cache(tmp_path / "curtain_1.usdc").ok
-    browser.page.close()
+    assert numbers[0] == (1, 20)
+    assert numbers[-1] == (4, 5)  # 25 ms each, of 50 that they may take
+    assert session.snapshot.time == pytest.approx(12 / 30)
+    assert (session.snapshot.slices, session.snapshot.substeps) == (4, 20)
 
 
-@pytest.mark.filterwarnings("ignore::UserWarning")
-def test_two_browsers_one_that_reloads_and_one_that_vanishes(chromium, session, page):
-    one, other = Browser(chromium, page), Browser(chromium, page)
-    session.play()
-    until(lambda: session.snapshot.time > 0.1)
-    other.press(points(session)[60])
-    until(lambda: other.who in session.stage.hands)
-    one.page.reload()
-    one.page.wait_for_selector("canvas", timeout=90_000)
-    other.page.close()  # with the mouse down
-    until(lambda: not session.stage.hands)
-    now = session.snapshot.time
-    until(lambda: session.snapshot.time > now + 0.2)
-    assert session.snapshot.error == ""
-    one.page.close()
+def test_gravity_and_wind_change_at_once_and_a_flood_of_changes_is_one(session):
+    simulation = session.stage.simulation
+    for k in range(50):
+        session.change(gravity=(0.0, 0.0, -0.1 * k))
+        session.change(wind=(0.1 * k, 0.0, 0.0))
+    session.wait()
+    assert session.stage.simulation is simulation
+    assert session.stage.settings.gravity == pytest.approx((0.0, 0.0, -4.9))
+    assert simulation.forces.world_gravity.numpy()[0] == pytest.approx((0.0, 0.0, -4.9))
+    start = points(session).copy()
+    session.change(gravity=(0.0, 0.0, 0.0), wind=(0.0, 6.0, 0.0))
+    for _ in range(10):
+        session.single_step()
+    session.wait()
+    assert (points(session) - start)[:, 1].mean() > 0.02  # blown away, and not falling
+    for k in range(20):
+        session.change(stiffness=1.0 + k)
+    session.wait()
+    assert session.stage.settings.stiffness == 20.0
+    assert session.stage.simulation is not simulation
 
 
-def test_the_page_listens_on_loopback_only(page):
-    assert page.url.startswith("http://127.0.0.1:")
-    with urllib.request.urlopen(page.url, timeout=10) as answer:
-        assert answer.status == 200
+def test_obstacles_turn_about_their_pivots():
+    scene = scene_from_toml(
+        SCENE
+        + """
+[[obstacle]]
+name = "door"
+shape = "box"
+center = [3.0, 0.0, 0.5]
+size = [0.8, 0.1, 0.8]
+motion.pivot = [2.6, 0.0, 0.5]
+motion.keys = [{ time = 0.0 }, { time = 0.5, rotation = [0.0, 0.0, 90.0] }]
+"""
+    )
+    session = Session(scene)
+    for _ in range(15):
+        session.single_step()
+    session.wait()
+    center, turn = session.snapshot.obstacles["door"]
+    assert center == pytest.approx((2.6, 0.4, 0.5))
+    assert turn == pytest.approx((0.0, 0.0, 0.5 * np.pi))
+    session.close()

@@ -148,6 +148,14 @@ def penetration(points: np.ndarray, obstacles: Sequence[Obstacle], t: float = 0.
     return PenetrationProbe(obstacles).depth(points, t) if len(obstacles) else 0.0
 
 
+def check_start_for(contact: str, model: Model, state: State, tried: Any = None) -> None:
+    """Refuses what cloth must not start as with this kind of ``contact``; see the next two."""
+    if contact != "none":
+        check_start(model, state)
+    if contact == "all":
+        check_start_intersections(model, state, tried)
+
+
 def check_start(model: Model, state: State) -> None:
     """Refuses cloth that starts inside a solid.
 

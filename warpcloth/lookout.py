@@ -27,7 +27,7 @@ class Lookout:
         self.model, self.integrator, self.contact = model, integrator, contact
         self.rest_since = np.full(model.world_count, np.inf)
         self._warned = False
-        self._judged: set[float] = set()
+        self._judged = 0.0  # [s], the longest step so far
         self._held_frames, self._held = 0, 0
 
     def settled(self, time: float) -> np.ndarray:
@@ -57,10 +57,10 @@ class Lookout:
             )
 
     def warn_if_unstable(self, state: State, dt: float, substeps: int) -> None:
-        """Warns, once for each length of frame and in the name of the caller's caller, of too few ``substeps``."""
-        if dt in self._judged:
+        """Warns, for each step longer than all before and in the name of the caller's caller, of too few ``substeps``."""
+        if dt / substeps <= self._judged * (1.0 + 1e-9):
             return
-        self._judged.add(dt)
+        self._judged = dt / substeps
         positions = state.particle_q.numpy().astype(np.float64)
         warning = stability.warning_of_unstable_steps(self.model, self.integrator, positions, dt, substeps)
         if warning is not None:

@@ -48,6 +48,7 @@ class Simulation:
         hooks: what you do between the stages of each substep.
         untangled: try to resolve intersections at the start; what that did is in the attribute of the same name.
         profile: time the stages of each frame; it then runs without graphs, to the same result.
+        check_start: refuse cloth that starts inside an obstacle or intersecting.
 
     Raises:
         InputError: on unknown names or numbers out of range.
@@ -80,6 +81,7 @@ class Simulation:
         untangled: bool = False,
         forces: Sequence[UserForce] = (),
         hooks: Sequence[Hook] = (),
+        check_start: bool = True,
     ):
         self.model = model
         self.integrator = make_integrator(integrator, model, integrator_options)
@@ -99,7 +101,7 @@ class Simulation:
         self._memory = [*self.integrator.memory(), *self.forces.memory(), *hooked]
         self._backup = Backup(self.state, self._memory)
         self._auto = isinstance(substeps, str)
-        self._auto_dt = 0.0
+        self._auto_step = 0.0
         if self._auto:
             validate.choice(substeps, ("auto",), "substeps")
         self.substeps = 0 if self._auto else validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
@@ -116,10 +118,8 @@ class Simulation:
         self._lookout = Lookout(model, self.integrator, self.contact)
         self.untangled = untangle(model, self.state) if validate.flag(untangled, "untangled") else None
         self._reset = WorldReset(model, self.state)
-        if contact != "none":
-            diagnostics.check_start(model, self.state)
-        if contact == "all":
-            diagnostics.check_start_intersections(model, self.state, self.untangled)
+        if check_start:
+            diagnostics.check_start_for(contact, model, self.state, self.untangled)
 
     def step(self, dt: float) -> None:
         """One frame of dt [s] in ``substeps`` equal steps.
@@ -265,7 +265,7 @@ class Simulation:
         for mine, theirs in ((self.integrator, other.integrator), (self.forces, other.forces)):
             # What a scheme or a force keeps may be in fewer arrays here: the last ones were of other worlds.
             take_worlds(self.state, mine.memory(), other.model, other.state, theirs.memory(), keep)
-        self.time, self.substeps, self._auto_dt = other.time, other.substeps, other._auto_dt
+        self.time, self.substeps, self._auto_step = other.time, other.substeps, other._auto_step
         self._lookout.rest_since = other._lookout.rest_since[keep]
 
     def _advance(self, dt: float, substeps: int) -> None:
@@ -334,8 +334,6 @@ class Simulation:
         self._ran.clear()
 
     def _stable_substeps(self, dt: float) -> int:
-        if self.substeps and dt == self._auto_dt:
-            return self.substeps
-        self._auto_dt = dt
-        stable = stability.substeps_for(self.model, self.integrator, dt, MAX_SUBSTEPS)
+        self._auto_step = self._auto_step or stability.automatic_step(self.model, self.integrator)
+        stable = stability.count_steps(self.integrator, self._auto_step, dt, MAX_SUBSTEPS)
         return max(stable, self.contact.intervals(dt))

@@ -160,7 +160,20 @@ def substeps_for(model: "Model", integrator: "Integrator", dt: float, most: int)
     Raises:
         SimulationError: more than ``most`` would be needed.
     """
-    step = min(largest_stable_step(model, integrator), integrator.advised_step())
+    return count_steps(integrator, automatic_step(model, integrator), dt, most)
+
+
+def automatic_step(model: "Model", integrator: "Integrator") -> float:
+    """Largest step [s] that is stable and no larger than the integrator advises."""
+    return min(largest_stable_step(model, integrator), integrator.advised_step())
+
+
+def count_steps(integrator: "Integrator", step: float, dt: float, most: int) -> int:
+    """Fewest equal steps, no longer than ``step`` [s], that make up dt [s].
+
+    Raises:
+        SimulationError: more than ``most`` would be needed.
+    """
     if dt > most * step:
         raise SimulationError(
             f"{integrator.name} would need more than {most} substeps per frame of {dt:g} s to be stable; use a softer "

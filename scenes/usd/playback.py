@@ -102,6 +102,10 @@ class Playback:
         """Positions of a cloth's vertices or a network's balls [m], shape [n, 3]."""
         return _points(item.prim if isinstance(item, PlayedCloth) else item.particles, self.codes[frame])
 
+    def has_velocities(self, cloth: PlayedCloth) -> bool:
+        """Whether the file has velocities of a cloth's vertices."""
+        return UsdGeom.PointBased(cloth.prim).GetVelocitiesAttr().GetNumTimeSamples() > 0
+
     def velocities(self, cloth: PlayedCloth, frame: int) -> np.ndarray:
         """Velocities of a cloth's vertices [m/s], shape [n, 3]; zero where the file has none."""
         values = as_vectors(UsdGeom.PointBased(cloth.prim).GetVelocitiesAttr().Get(self.codes[frame]))
@@ -112,6 +116,16 @@ class Playback:
     def segments(self, network: PlayedNetwork, frame: int) -> np.ndarray:
         """Both ends of each spring [m], shape [s, 2, 3]."""
         return _points(network.springs, self.codes[frame]).reshape(-1, 2, 3)
+
+
+def can_play(path: str | os.PathLike) -> bool:
+    """Whether anything in a USD file moves as cloth does.
+
+    Raises:
+        UsdError: the file cannot be read.
+    """
+    with as_usd_error(f"Cannot read {path}"), quietly():
+        return bool(simulated_prims(open_stage(path)))
 
 
 def _cloth(prim: Usd.Prim) -> PlayedCloth:

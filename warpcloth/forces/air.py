@@ -7,9 +7,12 @@ import numpy as np
 import warp as wp
 
 from ..air import Air
+from ..errors import InputError
 from ..model import Model
 from ..state import State
 from .base import Linearization
+
+WIND_FIELDS = ("density", "mean", "gust", "gust_rate", "start", "wave", "amplitude", "rate", "phase")
 
 
 class AirDrag:
@@ -31,6 +34,18 @@ class AirDrag:
         wide: dict[str, Any] = {"device": model.device, "requires_grad": model.differentiable}
         self._per_triangle = wp.zeros(model.tri_count, dtype=model.vec3, **wide)
         self._wind = _upload(model, airs)
+
+    def assign(self, airs: Sequence[Air]) -> None:
+        """Other air, one for each world, also in frames captured already.
+
+        Raises:
+            InputError: turbulence where there was none, or the other way round.
+        """
+        other = _upload(self.model, airs)
+        if other.wave.shape != self._wind.wave.shape:
+            raise InputError("Turbulence cannot begin or end in the middle of a simulation; only be changed.")
+        for name in WIND_FIELDS:
+            getattr(self._wind, name).assign(getattr(other, name))
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds the air's forces [N] to ``state.particle_f``."""

@@ -11,15 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import WarpclothError
+from ..errors import InputError, WarpclothError
 from ..scenes import CacheWriter, Scene
 from ..scenes.built import by_cloth
 from .settings import Settings
 from .stage import Stage
 
-HISTORY = 300  # frames of energies
+HISTORY = 300  # of energies
 IDLE = 0.02  # [s] between looks for orders while nothing moves
 ENERGY_EVERY = 3  # frames
+SLICE = 0.05  # [s] of wall time: frames that take longer are simulated, and shown, in parts
+MOST_SLICES = 8
+PACE_SPAN = 1.0  # [s] of wall time that the pace is a mean of
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +33,9 @@ class Snapshot:
         number: grows with every snapshot. time: simulated [s]. status: "paused", "playing" or "failed".
         error: what went wrong, in words. points [m], speeds [m/s]: by cloth.
         obstacles: centre [m] and rotation vector [rad], by name.
-        pace: simulated over wall time. energies: times [s] and energies [J] by name, of the last frames.
+        pace: simulated over wall time, of the last second. substeps: of a frame, 0 before the first.
+        slices: parts that frames are simulated and shown in.
+        energies: times [s] and energies [J] by name, of the last frames.
         recording: file being written. settings: in force. pinned: points that are held [m], shape [k, 3].
         message: the latest remark.
     """
@@ -43,6 +48,8 @@ class Snapshot:
     speeds: dict[str, np.ndarray] = field(default_factory=dict)
     obstacles: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     pace: float = 0.0
+    substeps: int = 0
+    slices: int = 1
     energies: dict[str, np.ndarray] = field(default_factory=dict)
     recording: str = ""
     settings: Settings | None = None
@@ -51,7 +58,10 @@ class Snapshot:
 
 
 class Session:
-    """Orders may be given from any thread; each is carried out between two frames.
+    """Orders may be given from any thread; each is carried out between two frames, or parts of one.
+
+    A frame that takes long is simulated in two, four or eight parts, so that the cloth is seen to move, and is pulled,
+    at a good rate even where the simulation is slower than the time it simulates.
 
     Args:
         scene: what to simulate. fps: frames per simulated second.
@@ -68,7 +78,13 @@ class Session:
         self.first = self.stage.settings
         self._orders: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._status, self._error, self._message = "paused", "", ""
-        self._pace, self._number, self._frames = 0.0, 0, 0
+        self._number, self._frames, self._substeps = 0, 0, 0
+        self._slices, self._slice = 1, 0
+        self._spent: list[float] = []
+        self._clock: deque[tuple[float, float]] = deque()
+        self._wanted: dict[str, Any] = {}
+        self._wanted_lock = threading.Lock()
+        self._plotted: dict[str, np.ndarray] = {}
         self._energies: deque[dict[str, float]] = deque(maxlen=HISTORY)
         self._writer: CacheWriter | None = None
         self._recorded, self._path = 0, Path()
@@ -105,7 +121,10 @@ class Session:
 
     def change(self, **values: Any) -> None:
         """Changes :class:`Settings`; the cloth goes on from where it is."""
-        self._order(lambda: self._change(values))
+        with self._wanted_lock:
+            ordered, self._wanted = bool(self._wanted), self._wanted | values
+        if not ordered:  # else the order that is under way takes these along: a slider gives many
+            self._order(self._change)
 
     def grab(self, who: Hashable, ray: tuple[Any, Any]) -> None:
         """Somebody takes the cloth where a ray (origin, direction) meets it."""
@@ -158,15 +177,15 @@ class Session:
                 act = self._orders.get(timeout=wait) if wait > 0.0 else self._orders.get_nowait()
             except queue.Empty:
                 if playing:
-                    begun = time.perf_counter()
-                    self._guarded(self._frame)
-                    due = max(due + 1.0 / self.stage.fps, begun)  # when behind, no frames are saved up
+                    begun, parts = time.perf_counter(), self._slices
+                    self._guarded(self._part)
+                    due = max(due + 1.0 / (self.stage.fps * parts), begun)  # when behind, no frames are saved up
                 continue
             if act is None:
                 self._guarded(self._stop_recording)
                 return
             self._guarded(act)
-            if not playing:
+            if not playing or self._status != "playing":
                 due = time.perf_counter()
                 self._guarded(self._show)
 
@@ -191,40 +210,84 @@ class Session:
     def _set_status(self, status: str) -> None:
         if self._status != "failed":
             self._status, self._error = status, ""
+            self._clock.clear()
 
     def _frame(self) -> None:
+        """All that is left of a frame."""
+        self._part()
+        while self._slice and self._status != "failed":
+            self._part()
+
+    def _part(self) -> None:
+        """A slice of a frame; the last one completes it."""
         if self._status == "failed":
             return
         begun = time.perf_counter()
-        self.stage.step()
-        spent = max(time.perf_counter() - begun, 1e-6)
-        pace = 1.0 / self.stage.fps / max(spent, 1.0 / self.stage.fps)
-        self._pace = pace if not self._pace else 0.9 * self._pace + 0.1 * pace
+        self.stage.step(self._slices)
+        self._spent.append(time.perf_counter() - begun)
+        self._substeps = self._slices * self.stage.simulation.substeps
+        self._clock.append((time.perf_counter(), self.stage.simulation.time))
+        while len(self._clock) > 2 and self._clock[-1][0] - self._clock[0][0] > PACE_SPAN:
+            self._clock.popleft()
+        self._slice = (self._slice + 1) % self._slices
+        if self._slice == 0:
+            self._complete()
+        self._show()
+
+    def _complete(self) -> None:
         self._frames += 1
         if self._frames % ENERGY_EVERY == 0:
             self._energies.append({"time": self.stage.simulation.time, **self.stage.simulation.energy()})
+            names = list(self._energies[-1])
+            self._plotted = {name: np.array([row.get(name, 0.0) for row in self._energies]) for name in names}
         if self._writer is not None:
             self._write()
-        self._show()
+        self._slices = self._fitting_slices()
+
+    def _fitting_slices(self) -> int:
+        """Twice or half as many parts, where they take much longer or shorter than they should."""
+        usual = sorted(self._spent[2:])  # the first two of a kind load kernels and are captured
+        if len(usual) < 2:
+            return self._slices
+        typical = usual[len(usual) // 2]
+        factor = 2.0 if typical > SLICE else 0.5 if 2.5 * typical < SLICE else 1.0
+        slices = int(min(MOST_SLICES, max(1, factor * self._slices)))
+        if slices != self._slices or len(usual) > 60:
+            self._spent.clear()
+        return slices
+
+    def _pace(self) -> float:
+        """Simulated over wall time."""
+        (first, start), (last, end) = self._clock[0], self._clock[-1]
+        return (end - start) / (last - first)
 
     def _reset(self) -> None:
+        self._stop_recording()
         stage = self.stage
         stage.settings, stage.pinned, stage.unpinned = self.first, {}, {}
         stage.build(keep=False)
         self._status, self._error, self._message = "paused", "", "back to the start"
         self._energies.clear()
-        self._pace = 0.0
+        self._plotted, self._slice = {}, 0
+        self._restart()
 
-    def _change(self, values: dict[str, Any]) -> None:
+    def _change(self) -> None:
+        with self._wanted_lock:
+            values, self._wanted = self._wanted, {}
         before = self.stage.settings
-        try:
-            self.stage.settings = before.changed(**values)
-            if self.stage.settings != before:
-                self.stage.build(keep=self._status != "failed")
-                self._error = "" if self._status != "failed" else self._error
-        except WarpclothError:
-            self.stage.settings = before
-            raise
+        wanted = before.changed(**values)
+        if wanted == before:
+            return
+        if self._status == "failed":
+            raise InputError("Reset before changing anything.")
+        self.stage.change(wanted)
+        self._error = ""
+        self._restart()
+
+    def _restart(self) -> None:
+        """What was measured of the pace no longer holds."""
+        self._clock.clear()
+        self._spent.clear()
 
     def _grab(self, who: Hashable, ray: tuple[Any, Any]) -> None:
         self._release(who)
@@ -240,6 +303,7 @@ class Session:
         grab.release()
         particle = int(grab.hold.particles[int(np.argmax(grab.hold.weights))])
         pinned = self.stage.toggle_pin(particle)
+        self._restart()
         self._message = f"vertex {particle} is {'pinned' if pinned else 'free'}"
 
     def _lead(self, name: str, hand: np.ndarray) -> None:
@@ -248,6 +312,8 @@ class Session:
 
     def _record(self, path: Path) -> None:
         self._stop_recording()
+        if self._slice:  # a recording has whole frames
+            self._frame()
         self._writer, self._recorded, self._path = self.stage.built.writer(path), 0, path
         self._write()
         self._message = f"recording {path.name}"
@@ -274,7 +340,6 @@ class Session:
             points = state.particle_q.numpy().astype(np.float32)
             speeds = np.linalg.norm(state.particle_qd.numpy(), axis=1).astype(np.float32)
         held = model.particle_inv_mass.numpy() == 0.0
-        names = list(self._energies[-1]) if self._energies else []
         self.snapshot = Snapshot(
             number=self._number,
             time=stage.simulation.time,
@@ -283,8 +348,10 @@ class Session:
             points=by_cloth([stage.built], model, points)[0],
             speeds=by_cloth([stage.built], model, speeds)[0],
             obstacles={name: item.pose(stage.simulation.time) for name, item in stage.led.items()},
-            pace=self._pace,
-            energies={name: np.array([row.get(name, 0.0) for row in self._energies]) for name in names},
+            pace=self._pace() if len(self._clock) > 1 else 0.0,
+            substeps=self._substeps,
+            slices=self._slices,
+            energies=self._plotted,
             recording=self._path.name if self._writer is not None else "",
             settings=stage.settings,
             pinned=points[held],

@@ -1,18 +1,21 @@
 """A scene that can be changed in the middle of its simulation: rebuilt, and gone on with from where it was."""
 
-import dataclasses
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..cloth.pins import Pin
-from ..errors import InputError
+from ..errors import InputError, WarpclothError
+from ..force_terms import world_gravity
+from ..forces import AirDrag
 from ..grab import Grab
 from ..motion import Motion
 from ..obstacles import MeshObstacle, Obstacle
 from ..scenes import Scene
 from ..scenes.built import BuiltScene, make_model, make_simulation
 from ..simulation import Simulation
+from ..transforms import rotation_matrix
 from .settings import AS_IN_SCENE, Settings
 
 HAND_SPEED, HAND_TURN = 2.0, 4.0  # [m/s], [rad/s]: no faster do obstacles follow a hand
@@ -30,7 +33,7 @@ class LedObstacle:
 
     def __init__(self, obstacle: Obstacle):
         self.original = obstacle
-        self.obstacle = dataclasses.replace(obstacle, motion=_between(np.zeros(6), np.zeros(6), 0.0, 1.0))
+        self.obstacle = replace(obstacle, motion=self._resting(np.zeros(6)))
         self.hand = np.zeros(6)
         self.place = np.zeros(6)
 
@@ -39,27 +42,34 @@ class LedObstacle:
         step = np.clip(self.hand - self.place, *(sign * dt * np.repeat([HAND_SPEED, HAND_TURN], 3) for sign in (-1, 1)))
         begin, self.place = self.place, self.place + step
         keys = self._scene(time) + begin, self._scene(time + dt) + self.place
-        object.__setattr__(self.obstacle, "motion", _between(keys[1], keys[1], 0.0, 1.0))
+        object.__setattr__(self.obstacle, "motion", self._resting(keys[1]))
         return keys
 
     def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Centre [m] and rotation vector [rad] at the end of the last frame, shape [3] each."""
         at = self._scene(time) + self.place
-        return self.original.centre + at[:3], at[3:]
+        pivot = self.obstacle.motion.pivot
+        arm = np.zeros(3) if pivot is None else self.original.centre - pivot
+        return self.original.centre - arm + rotation_matrix(at[3:]) @ arm + at[:3], at[3:]
+
+    def own_center(self, time: float) -> np.ndarray:
+        """Where the centre would be without a hand [m], shape [3]."""
+        return self.pose(time)[0] - self.place[:3]
 
     def start(self) -> None:
         """Puts the copy where the scene begins, which is where a new simulation is checked."""
-        object.__setattr__(self.obstacle, "motion", _between(self._scene(0.0), self._scene(0.0), 0.0, 1.0))
+        object.__setattr__(self.obstacle, "motion", self._resting(self._scene(0.0)))
+
+    def _resting(self, at: np.ndarray) -> Motion:
+        """A motion that stays there, with the scene's pivot."""
+        ends = np.stack([at, at])
+        ends[1, :3] += NUDGE
+        motion = self.original.motion
+        return Motion((0.0, 1.0), ends[:, :3], ends[:, 3:], pivot=None if motion is None else motion.pivot)
 
     def _scene(self, time: float) -> np.ndarray:
         motion = self.original.motion
         return np.zeros(6) if motion is None else np.concatenate(motion.keys_at(time))
-
-
-def _between(begin: np.ndarray, end: np.ndarray, start: float, stop: float) -> Motion:
-    ends = np.stack([begin, end])
-    ends[1, :3] += NUDGE
-    return Motion((start, stop), ends[:, :3], ends[:, 3:])
 
 
 class Stage:
@@ -95,20 +105,47 @@ class Stage:
         for item in leading.values():
             item.start()
         obstacles = [leading[item.name].obstacle if item.name in leading else item for item in built.obstacles]
-        built = dataclasses.replace(built, cloths=cloths, obstacles=obstacles)
+        built = replace(built, cloths=cloths, obstacles=obstacles)
         model = make_model([built])
         _scale(model, self.settings)
-        simulation = make_simulation([built], model)
+        simulation = make_simulation([built], model, check_start=not keep)
         if keep:
             self._carry(simulation)
         self.simulation, self.built, self.led = simulation, built, leading
         self.tracks = len(model.tracks.start) - 1 - len(leading)
         self.hands = {who: simulation.grab_hold(g.hold, g.target) for who, g in self.hands.items()} if keep else {}
 
-    def step(self) -> None:
-        """One frame."""
-        self._lead(1.0 / self.fps)
-        self.simulation.step(1.0 / self.fps)
+    def step(self, slices: int = 1) -> None:
+        """A slice of a frame, of so many equal ones."""
+        dt = 1.0 / (self.fps * slices)
+        if self.settings.substeps:
+            self.simulation.substeps = -(-self.settings.substeps // slices)
+        self._lead(dt)
+        self.simulation.step(dt)
+
+    def change(self, settings: Settings) -> None:
+        """Puts other settings in force: at once where only arrays change, else by building anew.
+
+        Raises:
+            WarpclothError: the settings do not suit the scene; all stays as it was.
+        """
+        before, self.settings = self.settings, settings
+        try:
+            if replace(settings, gravity=before.gravity, wind=before.wind) != before:
+                self.build(keep=True)
+            else:
+                self._set_fields()
+        except WarpclothError:
+            self.settings = before
+            raise
+
+    def _set_fields(self) -> None:
+        """Changes gravity and wind where captured frames find them."""
+        scene, simulation = self._scene(), self.simulation
+        simulation.forces.world_gravity.assign(world_gravity(simulation.model, self.settings.gravity))
+        for term in simulation.forces.terms:
+            if isinstance(term, AirDrag):
+                term.assign([scene.air.build(scene.seed)])
 
     def toggle_pin(self, particle: int) -> bool:
         """Pins a particle where it is, or lets go of a pinned one; returns whether it is pinned now."""
@@ -148,11 +185,11 @@ class Stage:
             indices = np.array([i for i in group.indices if int(i) not in less], np.int32)
             motion = group.motion
             if motion is not None and motion.pivot is None:  # the middle of all that were pinned, as before
-                motion = dataclasses.replace(motion, pivot=cloth.points[group.indices].mean(axis=0))
+                motion = replace(motion, pivot=cloth.points[group.indices].mean(axis=0))
             kept += [Pin(indices, motion)] if len(indices) else []
         fresh = sorted(more - {int(i) for group in kept for i in group.indices})
         made = [Pin(np.array(fresh, np.int32))] if fresh else []
-        return dataclasses.replace(cloth, pins=(*kept, *made))
+        return replace(cloth, pins=(*kept, *made))
 
     def _carry(self, simulation: Simulation) -> None:
         old = self.simulation
