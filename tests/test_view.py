@@ -1,5 +1,6 @@
 """What the pages show, without a browser: the session behind them, the timeline, the command."""
 
+import json
 import time
 
 import numpy as np
@@ -248,6 +249,19 @@ def test_gravity_and_wind_change_at_once_and_a_flood_of_changes_is_one(session):
     session.wait()
     assert session.stage.settings.stiffness == 20.0
     assert session.stage.simulation is not simulation
+
+
+def test_the_benchmark_counts_what_a_client_gets(tmp_path, capfd):
+    assert run(["bench", "view", "--resolution", "9", "--budget", "1", "-o", str(tmp_path), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["particles"] == 81
+    assert found["updates_per_second"] > 5
+    assert found["bytes_per_update"] > 81 * 12
+    assert found["gap_ms"]["median"] < 200
+    assert 0 < found["latency_s"]["gravity"]["median"] < 5
+    assert json.loads((tmp_path / "results.json").read_text())["substeps"] == found["substeps"]
+    assert run(["bench", "view", "--count", "3"]) == 2
+    assert "--count is an option of `bench contact`, not of `bench view`" in capfd.readouterr().err
 
 
 def test_obstacles_turn_about_their_pivots():

@@ -30,7 +30,7 @@ shape = "plane"
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 
 
-def until(condition, seconds=60.0):
+def until(condition, seconds=30.0):
     """Waits for a condition; says which one never came true."""
     end = time.monotonic() + seconds
     while not condition():

@@ -57,7 +57,7 @@ class Lookout:
             )
 
     def warn_if_unstable(self, state: State, dt: float, substeps: int) -> None:
-        """Warns, for each step longer than all before and in the name of the caller's caller, of too few ``substeps``."""
+        """Warns, for steps longer than all before and in the name of the caller's caller, of too few ``substeps``."""
         if dt / substeps <= self._judged * (1.0 + 1e-9):
             return
         self._judged = dt / substeps

@@ -1,4 +1,4 @@
-"""``warpcloth bench``: measurements that compare schemes, contact under stress, throughput of many worlds."""
+"""``warpcloth bench``: measurements that compare schemes, contact under stress, many worlds, the page under load."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,20 +9,23 @@ from .. import validate
 from ..errors import InputError
 from .bench_contact import bench_contact
 from .bench_integrators import bench_integrators
+from .bench_view import bench_view
 from .bench_worlds import bench_worlds
 from .report import Report
 
-BENCHMARKS = ("integrators", "contact", "worlds")
+BENCHMARKS = ("integrators", "contact", "worlds", "view")
 # Which of the benchmarks have an option that not all have.
 HAVE = {
     **dict.fromkeys(("problems", "quick", "no_plots"), ("integrators",)),
     **dict.fromkeys(("count", "seed", "resume"), ("contact",)),
-    **dict.fromkeys(("scene", "frames"), ("integrators", "contact")),
-    "resolution": ("contact", "worlds"),
+    "schemes": ("integrators", "contact", "worlds"),
+    "scene": ("integrators", "contact", "view"),
+    "frames": ("integrators", "contact"),
+    "resolution": ("contact", "worlds", "view"),
     "worlds": ("worlds",),
 }
 
-What = Annotated[str, typer.Argument(metavar="WHAT", help="What to measure: integrators, contact or worlds.")]
+What = Annotated[str, typer.Argument(metavar="WHAT", help="What to measure: integrators, contact, worlds or view.")]
 Schemes = Annotated[
     str | None,
     typer.Option(
@@ -44,7 +47,7 @@ Count = Annotated[str | None, typer.Option(metavar="N", help="contact: how many 
 Seed = Annotated[str | None, typer.Option(metavar="N", help="contact: seed of the first random scene.  [default: 0]")]
 Resolution = Annotated[
     str | None,
-    typer.Option(metavar="N", help="contact, worlds: N² vertices in each cloth.  [default: the scene's; worlds: 16]"),
+    typer.Option(metavar="N", help="contact, worlds, view: N² vertices in each cloth.  [default: the scene's; 16; 64]"),
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="contact: leave out what DIR/results.json has already.")]
 Worlds = Annotated[
@@ -53,7 +56,8 @@ Worlds = Annotated[
 Budget = Annotated[
     float | None,
     typer.Option(
-        metavar="SECONDS", help="Time for one scheme on one problem; contact: for one scene; worlds: for one number."
+        metavar="SECONDS",
+        help="Time for one scheme on one problem; contact: for one scene; worlds: for one number; view: to count.",
     ),
 ]
 Output = Annotated[
@@ -79,17 +83,19 @@ def command(
     output: Output = None,
     no_plots: NoPlots = False,
 ) -> Report:
-    """Compare the integrators: accuracy, cost, energy, stability. Or stress contact. Or time many worlds."""
+    """Compare the integrators: accuracy, cost, energy, stability. Or stress contact, many worlds, the page."""
     given: dict[str, Any] = {
         "problems": problems, "quick": quick, "no_plots": no_plots,
         "count": count, "seed": seed, "resolution": resolution, "resume": resume,
-        "scene": scene, "frames": frames, "worlds": worlds,
+        "scene": scene, "frames": frames, "worlds": worlds, "schemes": schemes,
     }  # fmt: skip
     validate.choice(what, BENCHMARKS, "what to measure")
     _check_options(what, given)
     folder = Path(f"bench_{what}") if output is None else output
     if what == "contact":
         return bench_contact(schemes, scene, frames, count, seed, resolution, budget, resume, folder)
+    if what == "view":
+        return bench_view(scene, resolution, budget, folder)
     if what == "worlds":
         return bench_worlds(schemes, worlds, resolution, budget, folder)
     return bench_integrators(schemes, problems, scene, frames, quick, budget, folder, no_plots)
@@ -103,5 +109,6 @@ def _check_options(what: str, given: dict[str, Any]) -> None:
     """
     for name, owners in HAVE.items():
         if what not in owners and given[name] not in (None, False):
-            option, have = f"--{name.replace('_', '-')}", " and ".join(f"`bench {owner}`" for owner in owners)
+            flag = "integrators" if name == "schemes" else name.replace("_", "-")
+            option, have = f"--{flag}", " and ".join(f"`bench {owner}`" for owner in owners)
             raise InputError(f"{option} is an option of {have}, not of `bench {what}`.")

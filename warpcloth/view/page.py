@@ -11,7 +11,8 @@ from ..render.coloring import color_scale, vertex_strain
 from .panel import Panel
 from .scenery import ClothShape, NetworkShape, ObstacleShape, add_plane, rotation_vector
 from .server import Ticker, look_at, open_server, send_picture, server_url
-from .session import Session, Snapshot
+from .session import Session
+from .snapshot import Snapshot
 
 TOP_STRAIN, TOP_SPEED = 0.05, 2.0  # at the light end of the scale, and [m/s]
 BALL, BALL_COLOR, SPRING_COLOR = 6.0, (0.70, 0.10, 0.08), (0.25, 0.27, 0.30)  # of networks; size in widths of springs
@@ -141,11 +142,11 @@ class Page:
             points = snapshot.points[net.name]
             self._network.show(points, points[net.springs])
         self._pins.points = snapshot.pinned
-        for name, shape in self._obstacles.items():
+        for name, obstacle in self._obstacles.items():
             if name in snapshot.obstacles:
-                shape.show(*snapshot.obstacles[name])
+                obstacle.show(*snapshot.obstacles[name])
             else:
-                shape.show_at(snapshot.time)
+                obstacle.show_at(snapshot.time)
         self._panel.show(snapshot)
 
     def _colors(self, name: str, snapshot: Snapshot) -> np.ndarray | None:

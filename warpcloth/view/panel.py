@@ -7,8 +7,9 @@ from typing import Any
 from ..fabric_library import fabrics
 from ..integrators import integrators
 from .energy_plot import EnergyPlot
-from .session import Session, Snapshot
+from .session import Session
 from .settings import AS_IN_SCENE
+from .snapshot import Snapshot
 
 COLORINGS = ("fabric", "strain", "speed")
 PLOT_EVERY = 10  # updates

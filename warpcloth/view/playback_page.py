@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import WarpclothError
 from ..obstacles import Plane
 from ..render.coloring import Coloring
-from ..scenes.usd.playback import Playback
+from ..scenes.usd.playback import Playback, PlayedCloth, PlayedNetwork
 from .player import SPEEDS, Player
 from .scenery import ClothShape, NetworkShape, ObstacleShape, add_plane
 from .server import Ticker, look_at, open_server, send_picture, server_url
@@ -123,8 +123,8 @@ class PlaybackPage:
         for k, (shape, cloth) in enumerate(zip(self._cloths, play.cloths, strict=True)):
             colors = coloring.albedo(play, k, frame) if coloring.measured else None
             shape.show(play.points(cloth, frame), colors)
-        for shape, net in zip(self._networks, play.networks, strict=True):
-            shape.show(play.points(net, frame), play.segments(net, frame))
+        for drawn, net in zip(self._networks, play.networks, strict=True):
+            drawn.show(play.points(net, frame), play.segments(net, frame))
         for obstacle in self._obstacles:
             obstacle.show_at(play.time(frame))
 
@@ -143,7 +143,8 @@ class PlaybackPage:
     def _all_points(self) -> np.ndarray:
         """What a browser should see first [m], shape [n, 3]."""
         play, ends = self.playback, (0, self.playback.frames - 1)
-        return np.concatenate([play.points(item, k) for item in (*play.cloths, *play.networks) for k in ends])
+        items: list[PlayedCloth | PlayedNetwork] = [*play.cloths, *play.networks]
+        return np.concatenate([play.points(item, k) for item in items for k in ends])
 
 
 def colorings(playback: Playback) -> tuple[str, ...]:

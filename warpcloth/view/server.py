@@ -57,7 +57,7 @@ def send_picture(client: Any, name: str) -> None:
     image = client.get_render(height=PICTURE[1], width=PICTURE[0])
     data = BytesIO()
     Image.fromarray(np.asarray(image)[..., :3]).save(data, "PNG")
-    client.send_file_download(f"{name}.png", data.getvalue())
+    client.send_file_download(f"{name}.png", data.getvalue(), save_immediately=True)
 
 
 class Ticker:

@@ -5,7 +5,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,47 +13,14 @@ import numpy as np
 from ..errors import InputError, WarpclothError
 from ..scenes import CacheWriter, Scene
 from ..scenes.built import by_cloth
+from .pace import Pace
 from .settings import Settings
+from .snapshot import Snapshot
 from .stage import Stage
 
 HISTORY = 300  # of energies
 IDLE = 0.02  # [s] between looks for orders while nothing moves
 ENERGY_EVERY = 3  # frames
-SLICE = 0.05  # [s] of wall time: frames that take longer are simulated, and shown, in parts
-MOST_SLICES = 8
-PACE_SPAN = 1.0  # [s] of wall time that the pace is a mean of
-
-
-@dataclass(frozen=True, eq=False)
-class Snapshot:
-    """What there is to see after a frame.
-
-    Attributes:
-        number: grows with every snapshot. time: simulated [s]. status: "paused", "playing" or "failed".
-        error: what went wrong, in words. points [m], speeds [m/s]: by cloth.
-        obstacles: centre [m] and rotation vector [rad], by name.
-        pace: simulated over wall time, of the last second. substeps: of a frame, 0 before the first.
-        slices: parts that frames are simulated and shown in.
-        energies: times [s] and energies [J] by name, of the last frames.
-        recording: file being written. settings: in force. pinned: points that are held [m], shape [k, 3].
-        message: the latest remark.
-    """
-
-    number: int = 0
-    time: float = 0.0
-    status: str = "paused"
-    error: str = ""
-    points: dict[str, np.ndarray] = field(default_factory=dict)
-    speeds: dict[str, np.ndarray] = field(default_factory=dict)
-    obstacles: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
-    pace: float = 0.0
-    substeps: int = 0
-    slices: int = 1
-    energies: dict[str, np.ndarray] = field(default_factory=dict)
-    recording: str = ""
-    settings: Settings | None = None
-    pinned: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
-    message: str = ""
 
 
 class Session:
@@ -79,9 +45,7 @@ class Session:
         self._orders: queue.Queue[Callable[[], None] | None] = queue.Queue()
         self._status, self._error, self._message = "paused", "", ""
         self._number, self._frames, self._substeps = 0, 0, 0
-        self._slices, self._slice = 1, 0
-        self._spent: list[float] = []
-        self._clock: deque[tuple[float, float]] = deque()
+        self._pace = Pace()
         self._wanted: dict[str, Any] = {}
         self._wanted_lock = threading.Lock()
         self._plotted: dict[str, np.ndarray] = {}
@@ -177,7 +141,7 @@ class Session:
                 act = self._orders.get(timeout=wait) if wait > 0.0 else self._orders.get_nowait()
             except queue.Empty:
                 if playing:
-                    begun, parts = time.perf_counter(), self._slices
+                    begun, parts = time.perf_counter(), self._pace.slices
                     self._guarded(self._part)
                     due = max(due + 1.0 / (self.stage.fps * parts), begun)  # when behind, no frames are saved up
                 continue
@@ -210,27 +174,22 @@ class Session:
     def _set_status(self, status: str) -> None:
         if self._status != "failed":
             self._status, self._error = status, ""
-            self._clock.clear()
+            self._pace.interrupt()
 
     def _frame(self) -> None:
         """All that is left of a frame."""
         self._part()
-        while self._slice and self._status != "failed":
+        while self._pace.slice and self._status != "failed":
             self._part()
 
     def _part(self) -> None:
         """A slice of a frame; the last one completes it."""
         if self._status == "failed":
             return
-        begun = time.perf_counter()
-        self.stage.step(self._slices)
-        self._spent.append(time.perf_counter() - begun)
-        self._substeps = self._slices * self.stage.simulation.substeps
-        self._clock.append((time.perf_counter(), self.stage.simulation.time))
-        while len(self._clock) > 2 and self._clock[-1][0] - self._clock[0][0] > PACE_SPAN:
-            self._clock.popleft()
-        self._slice = (self._slice + 1) % self._slices
-        if self._slice == 0:
+        begun, simulation = time.perf_counter(), self.stage.simulation
+        self.stage.step(self._pace.slices)
+        self._substeps = self._pace.slices * simulation.substeps
+        if self._pace.done(begun, time.perf_counter(), simulation.time):
             self._complete()
         self._show()
 
@@ -242,24 +201,6 @@ class Session:
             self._plotted = {name: np.array([row.get(name, 0.0) for row in self._energies]) for name in names}
         if self._writer is not None:
             self._write()
-        self._slices = self._fitting_slices()
-
-    def _fitting_slices(self) -> int:
-        """Twice or half as many parts, where they take much longer or shorter than they should."""
-        usual = sorted(self._spent[2:])  # the first two of a kind load kernels and are captured
-        if len(usual) < 2:
-            return self._slices
-        typical = usual[len(usual) // 2]
-        factor = 2.0 if typical > SLICE else 0.5 if 2.5 * typical < SLICE else 1.0
-        slices = int(min(MOST_SLICES, max(1, factor * self._slices)))
-        if slices != self._slices or len(usual) > 60:
-            self._spent.clear()
-        return slices
-
-    def _pace(self) -> float:
-        """Simulated over wall time."""
-        (first, start), (last, end) = self._clock[0], self._clock[-1]
-        return (end - start) / (last - first)
 
     def _reset(self) -> None:
         self._stop_recording()
@@ -268,8 +209,8 @@ class Session:
         stage.build(keep=False)
         self._status, self._error, self._message = "paused", "", "back to the start"
         self._energies.clear()
-        self._plotted, self._slice = {}, 0
-        self._restart()
+        self._plotted, self._pace.slice = {}, 0
+        self._pace.restart()
 
     def _change(self) -> None:
         with self._wanted_lock:
@@ -282,12 +223,7 @@ class Session:
             raise InputError("Reset before changing anything.")
         self.stage.change(wanted)
         self._error = ""
-        self._restart()
-
-    def _restart(self) -> None:
-        """What was measured of the pace no longer holds."""
-        self._clock.clear()
-        self._spent.clear()
+        self._pace.restart()
 
     def _grab(self, who: Hashable, ray: tuple[Any, Any]) -> None:
         self._release(who)
@@ -303,7 +239,7 @@ class Session:
         grab.release()
         particle = int(grab.hold.particles[int(np.argmax(grab.hold.weights))])
         pinned = self.stage.toggle_pin(particle)
-        self._restart()
+        self._pace.restart()
         self._message = f"vertex {particle} is {'pinned' if pinned else 'free'}"
 
     def _lead(self, name: str, hand: np.ndarray) -> None:
@@ -312,7 +248,7 @@ class Session:
 
     def _record(self, path: Path) -> None:
         self._stop_recording()
-        if self._slice:  # a recording has whole frames
+        if self._pace.slice:  # a recording has whole frames
             self._frame()
         self._writer, self._recorded, self._path = self.stage.built.writer(path), 0, path
         self._write()
@@ -348,9 +284,9 @@ class Session:
             points=by_cloth([stage.built], model, points)[0],
             speeds=by_cloth([stage.built], model, speeds)[0],
             obstacles={name: item.pose(stage.simulation.time) for name, item in stage.led.items()},
-            pace=self._pace() if len(self._clock) > 1 else 0.0,
+            pace=self._pace.factor,
             substeps=self._substeps,
-            slices=self._slices,
+            slices=self._pace.slices,
             energies=self._plotted,
             recording=self._path.name if self._writer is not None else "",
             settings=stage.settings,

@@ -48,7 +48,8 @@ class LedObstacle:
     def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Centre [m] and rotation vector [rad] at the end of the last frame, shape [3] each."""
         at = self._scene(time) + self.place
-        pivot = self.obstacle.motion.pivot
+        motion = self.original.motion
+        pivot = None if motion is None else motion.pivot
         arm = np.zeros(3) if pivot is None else self.original.centre - pivot
         return self.original.centre - arm + rotation_matrix(at[3:]) @ arm + at[:3], at[3:]
 
