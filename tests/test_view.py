@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from usd_shots import write_shot
 from view_browser import SCENE, until
 from warpcloth.scenes import check_cache, scene_from_toml
 
@@ -148,7 +149,6 @@ def test_a_recording_passes_the_check(session, tmp_path):
         (["hanging", "--host", "0.0.0.0"], "0.0.0.0 can be reached from other machines; add --public"),
         (["hangin"], "there is no scene 'hangin'"),
         (["none.usdc"], "Cannot read none.usdc: there is no such file."),
-        (["none.usdc", "--fps", "30"], "--set and --fps change how a scene is simulated; none.usdc is a cache."),
     ],
 )
 def test_mistakes(options, sentence, capfd):
@@ -161,7 +161,7 @@ def test_mistakes(options, sentence, capfd):
     [
         ("", "the file is empty"),
         ("PXR-USDC and then nothing", "Cannot read"),
-        ('#usda 1.0\ndef Mesh "m" {}\n', "There is nothing to play in"),
+        ('#usda 1.0\ndef Mesh "m" {}\n', "cloth"),  # nothing moves in it: a scene, but without cloth
     ],
 )
 def test_files_that_are_no_caches(text, sentence, tmp_path, capfd):
@@ -171,6 +171,12 @@ def test_files_that_are_no_caches(text, sentence, tmp_path, capfd):
     told = capfd.readouterr().err
     assert sentence in told
     assert "Traceback" not in told
+
+
+def test_options_of_simulations_are_refused_with_a_cache(tmp_path, capfd):
+    cache = write_shot(tmp_path / "shot.usdc")
+    assert run(["view", str(cache), "--fps", "30"]) == 2
+    assert "--set and --fps change how a scene is simulated; shot.usdc is a cache." in capfd.readouterr().err
 
 
 def test_another_address_needs_a_flag_and_prints_a_warning(capfd):
