@@ -24,10 +24,12 @@ def find_impacts(
     pairs: Pairs,
     separation: wp.float64,
     clearance: wp.float64,
+    patience: wp.float64,
     stride: int,
     # State in
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
+    rounds: wp.array(dtype=wp.int32),
     # Out
     weights_out: wp.array(dtype=wp.vec4d),
     normal_out: wp.array(dtype=wp.vec3d),
@@ -37,7 +39,13 @@ def find_impacts(
     impacts_out: wp.array(dtype=wp.int32),
 ):
     """Pairs that meet: weights and normal there, and how far their ends must part [m] to end ``clearance`` of the
-    contact distance apart; and Σ |weight| per particle. Marks their particles, counts them."""
+    contact distance apart; and Σ |weight| per particle. Marks their particles, counts them.
+
+    Where many meet at once, as a fast obstacle does with little cloth, what one pair takes from another only fades from
+    round to round; so over ``patience`` rounds the clearance grows to all of the contact distance.
+    """
+    grown = wp.min(wp.float64(rounds[0]) / patience, wp.float64(1.0))
+    share = clearance + grown * (wp.float64(1.0) - clearance)
     for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
         zero = wp.float64(0.0)
@@ -62,7 +70,7 @@ def find_impacts(
             continue
         d = combine(w, x0, x1, x2, x3)
         n = wp.normalize(d)
-        reach = clearance * pairs.distance[k]
+        reach = share * pairs.distance[k]
         gap = wp.dot(d + (wp.float64(1.0) - t) * combine(w, u0, u1, u2, u3), n)
         wp.atomic_add(impacts_out, 0, 1)
         for m in range(4):

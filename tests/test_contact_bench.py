@@ -47,6 +47,14 @@ def test_small_random_scenes_are_clean(seed):
     assert found.failures == []
 
 
+def test_a_spinning_ball_at_nine_metres_a_second_does_not_get_through_curtains():
+    """Its cells are almost as large as the ball, which meets nearly all that it meets within one interval."""
+    found = watch(random_cases(69, 1, frames=3, resolution=12)[0].scene)
+    assert found.finished
+    assert found.failures == []
+    assert found.pinched == 0
+
+
 def watched(text: str, move: np.ndarray) -> Outcome:
     """What is seen of a scene whose first particles have been put elsewhere."""
     cloths, obstacles = scene_from_toml(text).build()

@@ -23,7 +23,8 @@ from .pair_list import PairList, loop_width
 SEPARATION = 1e-6  # [m] that the guard keeps between any two; well above the rounding of float32 at a metre
 REACH = 1.25  # pairs nearer than this many contact distances are listed
 TORN = 10.0  # an edge this many times its length has no cloth in it: the integrator has diverged
-ROUNDS = 40  # of parting what would meet, before the rest is held back; few scenes need more than 4
+ROUNDS = 300  # of parting what would meet, before the rest is held back; few scenes need more than 4
+PATIENCE = 50  # rounds over which the clearance grows; without that a spinning ball at 9 m/s took 300, with it 40
 CLEARANCE = 0.3  # share of its contact distance at which a pair that would have met ends
 
 
@@ -173,7 +174,10 @@ class ClothContact:
         self.met.zero_()
         self._launch(
             kernels.contact_impact.find_impacts, self.width,
-            [surface.inv_mass, swept.pairs, SEPARATION, CLEARANCE, self.width, self.start, self.now],
+            [
+                surface.inv_mass, swept.pairs, SEPARATION, CLEARANCE, PATIENCE, self.width, self.start, self.now,
+                self.rounds,
+            ],
             [swept.weights, swept.normal, swept.depth, self.share, self.met, self.impacts],
         )  # fmt: skip
         self._launch(
