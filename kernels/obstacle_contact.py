@@ -143,16 +143,22 @@ def respond(
     dt: real,
     impulse: wp.array(dtype=vec3),
     impulse_shape: wp.array(dtype=wp.int32),
+    clear_of: wp.array(dtype=vec3),
+    clearance: wp.array(dtype=real),
     # Out
     particle_q_out: wp.array(dtype=vec3),
     particle_qd_out: wp.array(dtype=vec3),
 ):
     """Corrects the end of a step (``_out``) that began at (``particle_q``, ``particle_qd``) against every obstacle.
 
-    ``impulse`` [m/s] of obstacle ``impulse_shape``, unless that is −1, is already in the velocities.
+    ``impulse`` [m/s] of obstacle ``impulse_shape``, unless that is −1, is already in the velocities. Particles that
+    have been within ``clearance`` of ``clear_of`` all the while have met nothing; see ``obstacle_clearance.py``.
     """
     i = wp.tid()
-    if particle_inv_mass[i] == real(0.0):
+    free = clearance[i]
+    here = clear_of[i]
+    clear = wp.length(particle_q[i] - here) < free and wp.length(particle_q_out[i] - here) < free
+    if particle_inv_mass[i] == real(0.0) or (clear and impulse_shape[i] < 0):
         return
     w = particle_world[i]
     now = Motion()

@@ -7,6 +7,7 @@ import pytest
 import trimesh
 
 import warpcloth as wc
+from warpcloth.contact.obstacle_response import ObstacleResponse
 from warpcloth.errors import BadStartError
 
 G = 9.81
@@ -199,3 +200,26 @@ def test_a_stretched_free_cloth_stays_symmetric():
     flip = np.array([1.0, -1.0, 1.0])
     across_y = np.abs(x[::-1] * flip - x).max(), np.abs(x[:, ::-1] * flip - x).max()
     assert min(across_y) < 1e-9
+
+
+@pytest.mark.parametrize("velocity", [(0, 0, -1.0), (6.0, 2.0, -12.0)])
+def test_particles_that_are_left_out_as_they_are_clear_would_have_met_nothing(velocity, monkeypatch):
+    ball = trimesh.creation.icosphere(2, 0.05)
+    obstacles = [
+        wc.Plane(), wc.Sphere((-0.1, 0, 0.1), 0.06), wc.Capsule((0.1, -0.1, 0.05), (0.1, 0.1, 0.1), 0.03),
+        wc.Box((0.2, 0.1, 0.1), (0.1, 0.1, 0.1)), wc.MeshObstacle(ball.vertices + np.array([0.02, 0.05, 0.2]), ball.faces),
+    ]  # fmt: skip
+    cloth = patch(resolution=12, size=0.4, transform=(0, 0, 0.3), velocity=velocity)
+    ends, clear = [], []
+    for looks in (True, False):
+        with monkeypatch.context() as change:
+            if not looks:
+                change.setattr(ObstacleResponse, "begin", lambda *_: None)
+            sim = wc.Simulation(wc.Model.build(cloth, obstacles), "xpbd", substeps=20)
+            for _ in range(20):
+                sim.step(1 / 60)
+                clear.append(int((sim.contact.obstacles._clearance.numpy() > 0.0).sum()))
+        ends.append(sim.state.particle_q.numpy().tobytes())
+    assert ends[0] == ends[1]
+    assert min(clear[:20]) < 120 and max(clear[:20]) > 72  # some are left out, and some are not
+    assert max(clear[20:]) == 0

@@ -62,7 +62,10 @@ class ClothContact:
         return max(intervals_needed(edge, obstacles, dt) for edge, obstacles in self._worlds)
 
     def begin(self, state: State, span: float) -> None:
-        """Starts an interval of ``span`` [s] at ``state``; lists what is near, or will be at the present velocities."""
+        """Starts an interval of ``span`` [s] at ``state``; lists what is near, or will be at the present velocities.
+
+        Obstacles are where they are now, afterwards.
+        """
         model, surface = self.model, self.surface
         model.shapes.place(model.tracks, state.world_time, span)
         surface.place(state.particle_q, model.shapes.end, self.before)

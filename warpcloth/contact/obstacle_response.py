@@ -20,6 +20,23 @@ class ObstacleResponse:
         none = wp.full(model.particle_count, -1, dtype=wp.int32, device=model.device)
         self._shape = none if support is None else support.shape
         self._impulse = wp.zeros_like(model.particle_q) if support is None else support.impulse
+        self._clear_of = wp.zeros_like(model.particle_q)
+        self._clearance = wp.zeros(model.particle_count, dtype=model.real, device=model.device)
+
+    def begin(self, state: State, span: float) -> None:
+        """Looks which particles are far from all obstacles for some ``span`` [s]; obstacles have been placed."""
+        model, shapes = self.model, self.model.shapes
+        wp.copy(self._clear_of, state.particle_q)
+        wp.launch(
+            model.kernels.obstacle_clearance.find_clearance,
+            dim=model.particle_count,
+            inputs=[
+                model.particle_world, model.particle_radius, shapes.shapes, state.particle_q, state.particle_qd,
+                shapes.end, span,
+            ],
+            outputs=[self._clearance],
+            device=model.device,
+        )  # fmt: skip
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Corrects ``state_out``, dt [s] after ``state_in``; obstacles have been placed. Launches kernels only."""
@@ -32,7 +49,7 @@ class ObstacleResponse:
             inputs=[
                 model.particle_inv_mass, model.particle_world, model.particle_radius, model.particle_friction,
                 shapes.shapes, state_in.particle_q, state_in.particle_qd, shapes.start, shapes.end, dt,
-                self._impulse, self._shape,
+                self._impulse, self._shape, self._clear_of, self._clearance,
             ],
             outputs=[state_out.particle_q, state_out.particle_qd],
             device=model.device,

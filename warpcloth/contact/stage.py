@@ -50,6 +50,10 @@ class ContactStage:
         """Before the first substep of an interval of ``span`` [s]."""
         if self.cloths is not None:
             self.cloths.begin(state, span)
+        elif self.acts:
+            self.model.shapes.place(self.model.tracks, state.world_time, 0.0)
+        if self.obstacles is not None and self.model.shapes.count > 0:
+            self.obstacles.begin(state, span)
 
     def place(self, state: State, dt: float) -> None:
         """Before each substep of dt [s] from ``state``: puts obstacles where they are and will be."""
