@@ -17,7 +17,7 @@ import sys
 
 import warp as wp
 
-from .obstacle_hit import find_hit
+from .obstacle_hit import Hit, analytic_hit, find_hit, mean_friction
 from .precision import OPTIONS, real, vec3
 from .shapes import Placement, Shapes, to_local, to_world
 
@@ -95,32 +95,18 @@ class Pass:
 
 
 @wp.func
-def mean_friction(particle: real, obstacle: real):
-    """Geometric mean; its slope where it is zero is not asked for."""
-    product = particle * obstacle
-    if product > real(0.0):
-        return wp.sqrt(product)
-    return real(0.0)
-
-
-@wp.func
-def look_at(
-    shapes: Shapes, s: int, start: Placement, end: Placement, x0: vec3, v0: vec3, now: Motion, dt: real, radius: real,
-    particle_friction: real, given: vec3,
+def answer(
+    hit: Hit, start: Placement, end: Placement, a: vec3, x0: vec3, v0: vec3, now: Motion, dt: real, slop: real,
+    friction: real, restitution: real, given: vec3,
 ):  # fmt: skip
-    """One pass: the motion ``now`` of a particle that began the step at x0, v0, corrected against obstacle s."""
+    """One pass: the motion ``now`` of a particle that began the step at x0 (a in the obstacle's frame), v0."""
     result = Pass()
     result.motion = now
-    offset = radius + shapes.thickness[s]
-    slop = real(1.0e-3) * offset
-    a = to_local(start, x0)
-    hit = find_hit(shapes, s, dt, a, to_local(end, now.x), offset, slop)
     if hit.found == 1:
         n = end.rotation * hit.normal
         carried = to_world(end, a) - to_world(start, a) + end.rotation * hit.surface
-        friction = mean_friction(particle_friction, shapes.friction[s])
         result.motion = resolve(
-            x0, v0, now, n, carried, dt, hit.gap, hit.start_gap, slop, friction, shapes.restitution[s], given
+            x0, v0, now, n, carried, dt, hit.gap, hit.start_gap, slop, friction, restitution, given
         )  # fmt: skip
         if hit.gap <= -slop:
             result.again = 1
@@ -165,17 +151,22 @@ def respond(
     now.x = particle_q_out[i]
     now.v = particle_qd_out[i]
     for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
+        offset = particle_radius[i] + shapes.thickness[s]
+        slop = real(1.0e-3) * offset
+        friction = mean_friction(particle_friction[i], shapes.friction[s])
+        a = to_local(start[s], particle_q[i])
         given = vec3()
         if impulse_shape[i] == s:
             given = impulse[i]
         for _pass in range(MAX_PASSES):
-            looked = look_at(
-                shapes, s, start[s], end[s], particle_q[i], particle_qd[i], now, dt, particle_radius[i],
-                particle_friction[i], given,
+            hit = find_hit(shapes, s, dt, a, to_local(end[s], now.x), offset, slop)
+            answered = answer(
+                hit, start[s], end[s], a, particle_q[i], particle_qd[i], now, dt, slop, friction,
+                shapes.restitution[s], given,
             )  # fmt: skip
-            now = looked.motion
+            now = answered.motion
             given = vec3()
-            if looked.again == 0:
+            if answered.again == 0:
                 break
     particle_q_out[i] = now.x
     particle_qd_out[i] = now.v
@@ -195,6 +186,8 @@ def respond_once(
     start: wp.array(dtype=Placement),
     end: wp.array(dtype=Placement),
     dt: real,
+    impulse: wp.array(dtype=vec3),
+    impulse_shape: wp.array(dtype=wp.int32),
     shape: int,
     first: int,
     # Out
@@ -202,7 +195,7 @@ def respond_once(
     particle_q_out: wp.array(dtype=vec3),
     particle_qd_out: wp.array(dtype=vec3),
 ):
-    """One pass of :func:`respond` against the obstacle number ``shape`` of each world, as gradients need it.
+    """One pass of :func:`respond` against the obstacle number ``shape`` of each world, no mesh, as gradients need it.
 
     Its loops are launches instead, as adjoints of loops do not know earlier values. The ``first`` pass is for all
     particles, each further one for those of which the last one said so in ``again_out``.
@@ -215,10 +208,18 @@ def respond_once(
         now = Motion()
         now.x = particle_q_out[i]
         now.v = particle_qd_out[i]
-        looked = look_at(
-            shapes, s, start[s], end[s], particle_q[i], particle_qd[i], now, dt, particle_radius[i],
-            particle_friction[i], vec3(),
+        given = vec3()
+        if first == 1 and impulse_shape[i] == s:
+            given = impulse[i]
+        offset = particle_radius[i] + shapes.thickness[s]
+        slop = real(1.0e-3) * offset
+        friction = mean_friction(particle_friction[i], shapes.friction[s])
+        a = to_local(start[s], particle_q[i])
+        hit = analytic_hit(shapes.kind[s], shapes.size[s], a, to_local(end[s], now.x), offset, slop)
+        answered = answer(
+            hit, start[s], end[s], a, particle_q[i], particle_qd[i], now, dt, slop, friction, shapes.restitution[s],
+            given,
         )  # fmt: skip
-        again_out[i] = looked.again
-        particle_q_out[i] = looked.motion.x
-        particle_qd_out[i] = looked.motion.v
+        again_out[i] = answered.again
+        particle_q_out[i] = answered.motion.x
+        particle_qd_out[i] = answered.motion.v

@@ -168,3 +168,12 @@ def find_hit(shapes: Shapes, s: int, dt: real, a: vec3, b: vec3, offset: real, s
     if shapes.kind[s] == MESH:
         return mesh_hit(shapes.mesh[s], shapes.mesh_speed[s], dt, a, b, offset, slop)
     return analytic_hit(shapes.kind[s], shapes.size[s], a, b, offset, slop)
+
+
+@wp.func
+def mean_friction(particle: real, obstacle: real):
+    """Geometric mean; its slope where it is zero is not asked for."""
+    product = particle * obstacle
+    if product > real(0.0):
+        return wp.sqrt(product)
+    return real(0.0)

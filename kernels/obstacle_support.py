@@ -11,7 +11,7 @@ import sys
 
 import warp as wp
 
-from .obstacle_hit import find_hit
+from .obstacle_hit import Hit, analytic_hit, find_hit, mean_friction
 from .precision import OPTIONS, mat33, real, vec3
 from .shapes import Placement, Shapes, to_local, to_world
 
@@ -34,14 +34,11 @@ class Held:
 
 @wp.func
 def held_by(
-    shapes: Shapes, s: int, start: Placement, end: Placement, x0: vec3, x: vec3, v: vec3, mass: real, offset: real,
-    friction: real, dt: real, gamma: real,
+    hit: Hit, start: Placement, end: Placement, a: vec3, v: vec3, mass: real, slop: real, friction: real, dt: real,
+    gamma: real,
 ):  # fmt: skip
-    """The force of obstacle s on a particle at x, v that began the step at x0, and its blocks."""
+    """The force of an obstacle on a particle of velocity v that began the step at a in its frame, and its blocks."""
     held = Held()
-    slop = real(1.0e-3) * offset
-    a = to_local(start, x0)
-    hit = find_hit(shapes, s, dt, a, to_local(end, x), offset, slop)
     held.depth = slop - hit.gap
     if hit.found == 0 or held.depth <= real(0.0):
         held.depth = real(0.0)
@@ -63,7 +60,7 @@ def held_by(
     return held
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def support(
     # Model
     particle_mass: wp.array(dtype=real),
@@ -99,10 +96,12 @@ def support(
         w = particle_world[i]
         mass = particle_mass[i]
         for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
-            held = held_by(
-                shapes, s, start[s], end[s], particle_start[i], particle_q[i], particle_qd[i], mass,
-                particle_radius[i] + shapes.thickness[s], wp.sqrt(particle_friction[i] * shapes.friction[s]), dt, gamma,
-            )  # fmt: skip
+            offset = particle_radius[i] + shapes.thickness[s]
+            slop = real(1.0e-3) * offset
+            friction = mean_friction(particle_friction[i], shapes.friction[s])
+            a = to_local(start[s], particle_start[i])
+            hit = find_hit(shapes, s, dt, a, to_local(end[s], particle_q[i]), offset, slop)
+            held = held_by(hit, start[s], end[s], a, particle_qd[i], mass, slop, friction, dt, gamma)
             total.force += held.force
             total.stiffness += held.stiffness
             total.damping += held.damping
@@ -119,6 +118,48 @@ def support(
     shape_out[i] = shape
 
 
+@wp.kernel
+def support_once(
+    # Model
+    particle_mass: wp.array(dtype=real),
+    particle_inv_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    particle_radius: wp.array(dtype=real),
+    particle_friction: wp.array(dtype=real),
+    shapes: Shapes,
+    # State in
+    particle_start: wp.array(dtype=vec3),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    start: wp.array(dtype=Placement),
+    end: wp.array(dtype=Placement),
+    dt: real,
+    gamma: real,
+    shape: wp.array(dtype=wp.int32),
+    number: int,
+    # Out
+    particle_f_out: wp.array(dtype=vec3),
+    impulse_out: wp.array(dtype=vec3),
+):
+    """Force of the obstacle ``number`` of each world, no mesh, and its impulse if it is ``shape`` of the particle.
+
+    Without the loop of :func:`support`, as adjoints of loops do not know earlier values.
+    """
+    i = wp.tid()
+    s = shapes.world_start[particle_world[i]] + number
+    if particle_inv_mass[i] > real(0.0) and s < shapes.world_start[particle_world[i] + 1]:
+        mass = particle_mass[i]
+        offset = particle_radius[i] + shapes.thickness[s]
+        slop = real(1.0e-3) * offset
+        friction = mean_friction(particle_friction[i], shapes.friction[s])
+        a = to_local(start[s], particle_start[i])
+        hit = analytic_hit(shapes.kind[s], shapes.size[s], a, to_local(end[s], particle_q[i]), offset, slop)
+        held = held_by(hit, start[s], end[s], a, particle_qd[i], mass, slop, friction, dt, gamma)
+        particle_f_out[i] = particle_f_out[i] + held.force
+        if shape[i] == s:
+            impulse_out[i] = (gamma / mass) * held.force
+
+
 @wp.func
 def block(stiffness: mat33, damping: mat33, sliding: mat33, project: real, a: real, b: real):
     """a K + b C; friction as if it grew with the slip, which makes far steps safe, as long as projection is wanted."""
@@ -127,7 +168,7 @@ def block(stiffness: mat33, damping: mat33, sliding: mat33, project: real, a: re
     return a * stiffness + b * (damping - sliding)
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def products(
     # Model
     particle_world: wp.array(dtype=wp.int32),
@@ -148,7 +189,7 @@ def products(
     product_out[i] = product_out[i] + block(stiffness[i], damping[i], sliding[i], project, a, b) * x[i]
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def diagonal(
     # Model
     particle_world: wp.array(dtype=wp.int32),

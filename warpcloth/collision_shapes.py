@@ -1,5 +1,6 @@
 """Obstacles on the device: shapes sorted by world, their meshes, and where they are during a step."""
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -57,6 +58,7 @@ class CollisionShapes:
 
     Attributes:
         shapes: the ``Shapes`` struct of ``kernels/shapes.py``; rows are sorted by world.
+        most: obstacles in the world that has most of them.
         start, end: placements at both ends of the current step, shape [shape_count].
         meshes: one ``wp.Mesh`` per mesh obstacle, in the obstacle's own frame.
         deforming: those among them whose points are sampled.
@@ -70,6 +72,7 @@ class CollisionShapes:
         self.device = device
         self.obstacles = sorted(obstacles, key=lambda row: row[0])
         self.count = len(self.obstacles)
+        self.most = max(Counter(row[0] for row in self.obstacles).values(), default=0)
         self.meshes: list[wp.Mesh] = []
         self.deforming: list[DeformingMesh] = []
         self.shapes = self._make_shapes(world_count)

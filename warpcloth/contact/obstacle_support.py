@@ -29,6 +29,8 @@ class ObstacleSupport:
         self.impulse = wp.zeros(n, dtype=model.vec3, device=device)
         self.shape = wp.full(n, -1, dtype=wp.int32, device=device)
         self._start, self._dt = model.particle_q, 1.0
+        self._for_gradients = model.differentiable and not model.shapes.meshes
+        self._unused = wp.zeros_like(self.impulse)
 
     def begin(self, state: State, dt: float) -> None:
         """A step of dt [s] starts at ``state``; obstacles have been placed."""
@@ -36,18 +38,47 @@ class ObstacleSupport:
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds the forces [N] at ``state``, the end of the step, to ``state.particle_f``."""
-        model, shapes = self.model, self.model.shapes
+        force = self._unused if self._for_gradients else state.particle_f
         wp.launch(
-            model.kernels.obstacle_support.support,
-            dim=model.particle_count,
-            inputs=[
-                model.particle_mass, model.particle_inv_mass, model.particle_world, model.particle_radius,
-                model.particle_friction, shapes.shapes, self._start, state.particle_q, state.particle_qd, shapes.start,
-                shapes.end, self._dt, self.share * self._dt,
-            ],
-            outputs=[state.particle_f, self.stiffness, self.damping, self.sliding, self.impulse, self.shape],
-            device=model.device,
-        )  # fmt: skip
+            self.model.kernels.obstacle_support.support,
+            dim=self.model.particle_count,
+            inputs=self._inputs(self._start, state),
+            outputs=[force, self.stiffness, self.damping, self.sliding, self.impulse, self.shape],
+            device=self.model.device,
+            record_tape=False,
+        )
+        if self._for_gradients:
+            self._launch_each(self._start, state, self.shape, state.particle_f, self._unused)
+
+    def impulse_at(self, start: State, end: State, shape: wp.array, impulse: wp.array) -> None:
+        """Writes the impulse [m/s] of obstacles ``shape`` at ``end``, a step after ``start``; tapes may record it."""
+        self._launch_each(start.particle_q, end, shape, self._unused, impulse)
+
+    def _launch_each(self, start: wp.array, end: State, shape: wp.array, force: wp.array, impulse: wp.array) -> None:
+        """Obstacle by obstacle, by the kernel that has an adjoint."""
+        for number in range(self.model.shapes.most):
+            wp.launch(
+                self.model.kernels.obstacle_support.support_once,
+                dim=self.model.particle_count,
+                inputs=[*self._inputs(start, end), shape, number],
+                outputs=[force, impulse],
+                device=self.model.device,
+            )
+
+    def _inputs(self, start: wp.array, end: State) -> list:
+        model, shapes = self.model, self.model.shapes
+        return [
+            model.particle_mass, model.particle_inv_mass, model.particle_world, model.particle_radius,
+            model.particle_friction, shapes.shapes, start, end.particle_q, end.particle_qd, shapes.start, shapes.end,
+            self._dt, self.share * self._dt,
+        ]  # fmt: skip
+
+    def parameters(self) -> dict[str, wp.array]:
+        """Coefficients of friction [-] of particles and of obstacles."""
+        return {
+            "particle_friction": self.model.particle_friction,
+            "obstacle_friction": self.model.shapes.shapes.friction,
+        }
 
     def energy(self, state: State) -> dict[str, float]:
         """None: at the ends of steps nothing is pressed in."""

@@ -21,11 +21,14 @@ class Recording:
     Args:
         forces: the forces of the simulation.
         lasting: arrays whose gradients add up over several steps; others are taken as scratch of the forces.
+
+    Attributes:
+        forces: evaluates and records. plain_forces: those given, which do not record.
     """
 
     def __init__(self, forces: Forces, lasting: Iterable[wp.array]):
-        self.forces = RecordedForces(forces, self)
-        self._lasting = {id(array) for array in lasting}
+        self.forces, self.plain_forces = RecordedForces(forces, self), forces
+        self.lasting = list(lasting)
         self._back: list[Callable[[], None]] = []
         self._tape = wp.Tape()
 
@@ -59,6 +62,10 @@ class Recording:
 
         self._back.append(restore_and_go_back)
 
+    def before_going_back_further(self, back: Callable[[], None]) -> None:
+        """``back`` takes gradients from here to what was recorded before."""
+        self._back.append(back)
+
     def backward(self) -> None:
         """From the gradients of what the step ended with to those of what it began with, and of the parameters."""
         for back in reversed(self._back):
@@ -68,8 +75,13 @@ class Recording:
         tape = wp.Tape()
         with tape:
             evaluate()
+        self.go_back_through_forces(tape, state)
+
+    def go_back_through_forces(self, tape: wp.Tape, state: State) -> None:
+        """From the gradient of ``state.particle_f`` to those of the state and the parameters; ``tape`` has seen the
+        latest evaluation. Scratch of the forces is left without gradient."""
         tape.backward()
-        lasting = self._lasting | {id(state.particle_q), id(state.particle_qd)}
+        lasting = {id(array) for array in (*self.lasting, state.particle_q, state.particle_qd)}
         for array, gradient in tape.gradients.items():
             if isinstance(array, wp.array) and id(array) not in lasting:
                 gradient.zero_()

@@ -207,11 +207,11 @@ class Rollout:
         """The start of substep k, with gradients, from those of its end in ``behind``."""
         simulation, model = self.simulation, self.model
         start, end = fresh_state(simulation.state), fresh_state(simulation.state)
-        recording = Recording(simulation.forces, self._lasting)
+        recording = Recording(simulation.forces, [*self._lasting, start.particle_q])
         simulation.contact.place(start, self._dt)
         recorded_step(simulation.integrator)(recording, simulation.integrator, model, start, end, self._dt)
         if simulation.contact.obstacles is not None:
-            record_response(recording, model, start, end, self._dt)
+            record_response(recording, simulation.contact, start, end, self._dt)
         memory = [item.array for item in simulation.forces.memory()]
         if memory:
             recording.in_place(lambda: simulation.forces.advance(end), memory)

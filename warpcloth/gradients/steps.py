@@ -8,12 +8,14 @@ import warp as wp
 
 from ..errors import NotDifferentiableError
 from ..integrators import INTEGRATORS, Integrator
+from ..integrators.implicit import ImplicitEuler, ImplicitMidpoint, ImplicitTrapezoid
 from ..integrators.runge_kutta import RungeKutta
 from ..integrators.splitting import Splitting
 from ..integrators.stages import Stages
 from ..integrators.xpbd import Xpbd
 from ..model import Model
 from ..state import State
+from .implicit import implicit_step
 from .recording import Recording
 
 RecordedStep = Callable[..., None]  # of (recording, scheme, model, start, end, dt), the scheme of its own class
@@ -63,6 +65,9 @@ STEPS: dict[type, RecordedStep] = {
     RungeKutta: runge_kutta_step,
     Splitting: splitting_step,
     Xpbd: xpbd_step,
+    ImplicitEuler: implicit_step,
+    ImplicitMidpoint: implicit_step,
+    ImplicitTrapezoid: implicit_step,
 }
 
 

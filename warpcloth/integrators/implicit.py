@@ -71,7 +71,7 @@ class ImplicitScheme(Integrator):
         self._start(model, state_in, state_out, state_in, dt)
         self.newton.solve(state_out, forces, self.stage.gamma * dt, self.stage.time * dt)
         if self.stage.beyond != 0.0:
-            self._finish(model, state_in, state_out, dt)
+            self.finish(model, state_in, state_out, dt)
 
     def metrics(self) -> dict[str, Any]:
         """See :meth:`~warpcloth.integrators.newton.Newton.metrics`."""
@@ -83,6 +83,12 @@ class ImplicitScheme(Integrator):
         return math.inf
 
     def _start(self, model: Model, state_in: State, state_out: State, past: State, dt: float) -> None:
+        newton = self.newton
+        base = State(newton.position_base, newton.velocity_base, state_in.particle_f, state_in.world_time)
+        self.launch_base(model, state_in, past, base, state_out, dt)
+
+    def launch_base(self, model: Model, state_in: State, past: State, base: State, state_out: State, dt: float) -> None:
+        """x̄ and v̄ into ``base``, and the guess, which is ``state_in``, into ``state_out``."""
         wp.launch(
             model.kernels.implicit_schemes.stage_base,
             dim=model.particle_count,
@@ -90,13 +96,12 @@ class ImplicitScheme(Integrator):
                 model.particle_inv_mass, state_in.particle_q, state_in.particle_qd, state_in.particle_f,
                 past.particle_q, past.particle_qd, dt, self.stage.at_start, self.stage.past,
             ],
-            outputs=[
-                self.newton.position_base, self.newton.velocity_base, state_out.particle_q, state_out.particle_qd,
-            ],
+            outputs=[base.particle_q, base.particle_qd, state_out.particle_q, state_out.particle_qd],
             device=model.device,
         )  # fmt: skip
 
-    def _finish(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
+    def finish(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
+        """From the stage to the end of the step, in place."""
         wp.launch(
             model.kernels.implicit_schemes.extrapolate,
             dim=model.particle_count,
