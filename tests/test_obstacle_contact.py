@@ -205,9 +205,10 @@ def test_a_stretched_free_cloth_stays_symmetric():
 @pytest.mark.parametrize("velocity", [(0, 0, -1.0), (6.0, 2.0, -12.0)])
 def test_particles_that_are_left_out_as_they_are_clear_would_have_met_nothing(velocity, monkeypatch):
     ball = trimesh.creation.icosphere(2, 0.05)
+    ball.apply_translation((0.02, 0.05, 0.2))
     obstacles = [
         wc.Plane(), wc.Sphere((-0.1, 0, 0.1), 0.06), wc.Capsule((0.1, -0.1, 0.05), (0.1, 0.1, 0.1), 0.03),
-        wc.Box((0.2, 0.1, 0.1), (0.1, 0.1, 0.1)), wc.MeshObstacle(ball.vertices + np.array([0.02, 0.05, 0.2]), ball.faces),
+        wc.Box((0.2, 0.1, 0.1), (0.1, 0.1, 0.1)), wc.MeshObstacle(ball.vertices, ball.faces),
     ]  # fmt: skip
     cloth = patch(resolution=12, size=0.4, transform=(0, 0, 0.3), velocity=velocity)
     ends, clear = [], []
@@ -221,5 +222,6 @@ def test_particles_that_are_left_out_as_they_are_clear_would_have_met_nothing(ve
                 clear.append(int((sim.contact.obstacles._clearance.numpy() > 0.0).sum()))
         ends.append(sim.state.particle_q.numpy().tobytes())
     assert ends[0] == ends[1]
-    assert min(clear[:20]) < 120 and max(clear[:20]) > 72  # some are left out, and some are not
+    assert min(clear[:20]) < 120  # of 144: some are left out, and some are not
+    assert max(clear[:20]) > 72
     assert max(clear[20:]) == 0
