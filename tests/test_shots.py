@@ -142,9 +142,31 @@ def test_held_points_follow_the_animation_that_the_mesh_comes_with(tmp_path):
         move.Set(Gf.Vec3d(0.01 * frame, 0.0, 0.0), frame)
     stage.Save()
     result = simulated(path)
+    shot = Usd.Stage.Open(str(result.output))
+    velocities = UsdGeom.Mesh.Get(shot, "/World/Shirt").GetVelocitiesAttr()
     for frame in range(5):
+        assert np.abs(np.array(velocities.Get(frame))[:5]).max() < 1e-5  # seen from where they are held: they stand
         held = cached_points(result.output, "/World/Shirt", frame)[:5]
         np.testing.assert_allclose(held, sheet()[0][:5] + np.array((0.01 * frame, 0.0, 0.0)), atol=1e-6)
+
+
+@pytest.mark.parametrize(("error", "kept"), [(KeyboardInterrupt, True), (RuntimeError, False)])
+def test_an_interrupt_keeps_the_frames_so_far_and_a_failure_nothing(tmp_path, error, kept):
+    def stop(frame, frames, simulation):
+        if frame == 2:
+            raise error
+
+    path = small_shot(tmp_path / "shot.usda")
+    output = tmp_path / "out.usda"
+    if kept:
+        with pytest.raises(KeyboardInterrupt):
+            simulate(load_scene(path), output, device="cpu", on_frame=stop)
+        assert Usd.Stage.Open(str(output)).GetEndTimeCode() == 2.0
+        assert check_cache(output).ok
+    else:
+        with pytest.raises(RuntimeError):
+            simulate(load_scene(path), output, device="cpu", on_frame=stop)
+        assert [file.name for file in tmp_path.iterdir()] == ["shot.usda"]
 
 
 def test_one_instance_is_simulated_and_the_other_is_left_alone(tmp_path):
@@ -204,7 +226,9 @@ motion.keys = [{ time = 0.0 }, { time = 0.2, position = [0.0, 0.0, 0.1] }]
 def test_an_exported_scene_moves_like_the_scene(tmp_path):
     """Model and steps are the same; local coordinates in single precision are what tells them apart."""
     scene = scene_from_toml(NAPKIN, name="napkin")
-    told = simulated(export_scene(scene, tmp_path / "napkin.usda"))
+    path = export_scene(scene, tmp_path / "napkin.usda")
+    assert validator_errors(Usd.Stage.Open(str(path)), path) == []
+    told = simulated(path)
     plain = simulate(scene, tmp_path / "plain.usdc", device="cpu")
     for frame in range(4):
         expected = cached_points(plain.output, "/World/Cloth/napkin", frame)

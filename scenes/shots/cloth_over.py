@@ -22,11 +22,11 @@ class ClothOver:
         layer: a stage of nothing but the layer to write to.
         part: the cloth and its mesh.
         start: time code of second 0.
-        half_frame: half the time between two frames, in time codes.
+        instant: a time much shorter than a frame, in time codes.
     """
 
-    def __init__(self, layer: Usd.Stage, part: ShotCloth, start: float, half_frame: float):
-        self.source, self.part, self.half_frame = part.mesh, part, half_frame
+    def __init__(self, layer: Usd.Stage, part: ShotCloth, start: float, instant: float):
+        self.source, self.part, self.instant = part.mesh, part, instant
         prim = part.mesh.GetPrim()
         self.over = UsdGeom.Mesh(layer.OverridePrim(prim.GetPath()))
         _single_out(layer, prim)
@@ -76,12 +76,15 @@ class ClothOver:
         return 2 * points.nbytes + 3 * SAMPLE_OVERHEAD
 
     def _drift(self, code: float, world: np.ndarray) -> np.ndarray:
-        """What a moving frame adds to velocities as seen from it [units/s]: by central differences over a frame."""
+        """What a moving frame adds to velocities as seen from it [units/s].
+
+        Differences look ahead, as the velocity of a held point at a key is that with which it leaves.
+        """
         if not self.moves:
             return np.zeros(3)
-        prim, half = self.source.GetPrim(), self.half_frame
-        before, after = (np.linalg.inv(world_matrix(prim, code + shift)) for shift in (-half, half))
-        return (apply(after, world) - apply(before, world)) * (self.rate / (2.0 * half))
+        prim = self.source.GetPrim()
+        now, soon = (np.linalg.inv(world_matrix(prim, code + shift)) for shift in (0.0, self.instant))
+        return (apply(soon, world) - apply(now, world)) * (self.rate / self.instant)
 
     def _annotate(self) -> None:
         prim, cloth = self.over.GetPrim(), self.part.cloth

@@ -23,6 +23,7 @@ from .network import NetworkOver
 from .shot import Shot
 
 COLLISION_API = "PhysicsCollisionAPI"
+INSTANT = 0.01  # of a frame, over which the motion of a frame of reference is told
 
 
 class ShotWriter(FrameWriter):
@@ -53,7 +54,7 @@ class ShotWriter(FrameWriter):
         file = GrowingStage(cache, _layer(cache.partial, shot.stage, fps, facts), clock)
         try:
             overs: dict[str, SampledCloth] = {
-                part.cloth.name: ClothOver(file.stage, part, shot.start, 0.5 * clock.step) for part in shot.parts
+                part.cloth.name: ClothOver(file.stage, part, shot.start, INSTANT * clock.step) for part in shot.parts
             }
             if shot.network is not None:
                 overs[shot.network.network.name] = NetworkOver(file.stage, shot.network)
