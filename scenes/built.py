@@ -65,7 +65,7 @@ def _shot(scene: Scene) -> "Shot":
     table = scene.stage
     assert table is not None
     fabric = None if table.fabric is None else table.fabric.build()
-    return read_shot(scene.folder / Path(table.path).expanduser(), table.cloth, table.collider, fabric)
+    return read_shot(scene.folder / Path(table.path).expanduser(), table.cloth, table.collider, fabric, table.springs)
 
 
 def provenance(scene: Scene) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 from shot_files import add_ball, add_cloth, new_stage, pin_points, set_thickness, sheet, to_stage
 from warpcloth.scenes import bundled_scenes, export_scene, load_scene, scene_from_toml, simulate
+from warpcloth.scenes.built import BuiltScene
 from warpcloth.scenes.shots.opening import stage_tables
 from warpcloth.scenes.shots.shot import read_shot
 
@@ -191,6 +192,8 @@ def test_prims_that_are_cloth_or_collider_only_because_somebody_says_so(tmp_path
     assert chosen.cloths[0].fabric == Fabric()
     denim = read_shot(path, fabric=fabrics()["denim"].fabric)
     assert [cloth.fabric.name for cloth in denim.cloths] == ["denim", "denim"]
+    fitted = load_scene(path, ["stage.springs=fitted"], cloth=["/World/A"])
+    assert len(BuiltScene.of(fitted).cloths[0].springs) > len(chosen.cloths[0].springs)  # to the second ring, too
 
 
 @pytest.mark.parametrize("axis", ["X", "Y", "Z"])

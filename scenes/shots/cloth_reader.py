@@ -43,7 +43,9 @@ class ShotCloth:
     particle_of: np.ndarray
 
 
-def read_cloth(mesh: UsdGeom.Mesh, name: str, start: float, fabric: Fabric | None) -> ShotCloth:
+def read_cloth(
+    mesh: UsdGeom.Mesh, name: str, start: float, fabric: Fabric | None = None, springs: str | None = None
+) -> ShotCloth:
     """The cloth that a mesh is at time code ``start``.
 
     Its rest shape is ``physics:restShapePoints``, or else the default value of its points, or else their first sample.
@@ -53,6 +55,7 @@ def read_cloth(mesh: UsdGeom.Mesh, name: str, start: float, fabric: Fabric | Non
         name: to give to the cloth.
         start: time code of second 0.
         fabric: what it is made of; None: by its material.
+        springs: see :meth:`warpcloth.Cloth.from_mesh`; None: by its own attribute. A grid has its own.
 
     Raises:
         UsdError: its topology changes, or its fabric or pins cannot be used; MeshError: it is not fit to be cloth.
@@ -70,7 +73,8 @@ def read_cloth(mesh: UsdGeom.Mesh, name: str, start: float, fabric: Fabric | Non
         "velocity": noted(prim, "velocity") or (0.0, 0.0, 0.0),
     }
     try:
-        cloth = _built(prim, rest, world_matrix(prim, start), options)
+        kind = springs or noted(prim, "springs") or "stretch"
+        cloth = _built(prim, rest, world_matrix(prim, start), kind, options)
     except InputError as error:
         raise type(error)(f"Prim {prim.GetPath()} cannot be cloth: {error}") from error
     cloth = _bent(prim, cloth)
@@ -101,11 +105,11 @@ def _rest_points(mesh: UsdGeom.Mesh, whole: TriangleMesh) -> np.ndarray:
     return rest
 
 
-def _built(prim: Usd.Prim, rest: TriangleMesh, matrix: np.ndarray, options: dict[str, Any]) -> Cloth:
+def _built(prim: Usd.Prim, rest: TriangleMesh, matrix: np.ndarray, springs: str, options: dict[str, Any]) -> Cloth:
     """The cloth at rest where the prim is."""
     shape = read_rest_shape(prim)
     if shape is not None and len(rest.points) == shape.vertices:
-        cloth = shape.cloth(prim, matrix, rest.triangles, options)
+        cloth = shape.cloth(prim, matrix, rest.triangles, springs, options)
         if cloth is not None:
             return cloth
     pressure = noted(prim, "pressure")
@@ -113,7 +117,6 @@ def _built(prim: Usd.Prim, rest: TriangleMesh, matrix: np.ndarray, options: dict
     if pressure is not None:
         more = {"ambient": noted(prim, "ambient")} if noted(prim, "ambient") is not None else {}
         inflation = Inflation(pressure, bool(noted(prim, "gas")), **more)
-    springs = noted(prim, "springs") or "stretch"
     return Cloth.from_mesh(rest, transform=matrix, springs=springs, inflation=inflation, **options)
 
 

@@ -27,13 +27,11 @@ class RestShape:
         kind: "grid" or "disc".
         size: width and height, or radius [m].
         resolution: vertices along x and y, or rings.
-        springs: see :meth:`warpcloth.Cloth.from_mesh`; grids have their own.
     """
 
     kind: str
     size: tuple[float, ...]
     resolution: tuple[int, ...]
-    springs: str = "stretch"
 
     @property
     def vertices(self) -> int:
@@ -47,8 +45,12 @@ class RestShape:
         note(prim, "size", doubles(self.size), Sdf.ValueTypeNames.DoubleArray)
         note(prim, "resolution", list(self.resolution), Sdf.ValueTypeNames.IntArray)
 
-    def cloth(self, prim: Usd.Prim, matrix: np.ndarray, triangles: np.ndarray, options: dict[str, Any]) -> Cloth | None:
+    def cloth(
+        self, prim: Usd.Prim, matrix: np.ndarray, triangles: np.ndarray, springs: str, options: dict[str, Any]
+    ) -> Cloth | None:
         """The cloth of this shape, placed by ``matrix``; None where that mirrors, shears or unrounds it.
+
+        Discs have ``springs`` as :meth:`warpcloth.Cloth.from_mesh` has; grids have their own.
 
         Raises:
             UsdError: the mesh has other triangles.
@@ -60,7 +62,7 @@ class RestShape:
         if self.kind == "grid":
             cloth = Cloth.grid(size=size, resolution=self.resolution, transform=rigid, **options)
         else:
-            cloth = Cloth.disc(size[0], self.resolution[0], transform=rigid, springs=self.springs, **options)
+            cloth = Cloth.disc(size[0], self.resolution[0], transform=rigid, springs=springs, **options)
         if not np.array_equal(cloth.triangles, triangles):
             what = f"a {self.kind} of resolution {' × '.join(map(str, self.resolution))}"
             rule = "remove its attribute warpcloth:shape if its mesh has changed"
@@ -94,4 +96,4 @@ def read_rest_shape(prim: Usd.Prim) -> RestShape | None:
     wanted = {"grid": 2, "disc": 1}.get(kind)
     if wanted is None or len(size) != wanted or len(resolution) != wanted:
         raise UsdError(f"Cloth {prim.GetPath()} has a warpcloth:shape that is neither a whole 'grid' nor a 'disc'.")
-    return RestShape(kind, size, resolution, noted(prim, "springs") or "stretch")
+    return RestShape(kind, size, resolution)

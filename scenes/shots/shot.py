@@ -50,7 +50,11 @@ class Shot:
 
 
 def read_shot(
-    path: Path, cloth: Sequence[str] = (), collider: Sequence[str] = (), fabric: Fabric | None = None
+    path: Path,
+    cloth: Sequence[str] = (),
+    collider: Sequence[str] = (),
+    fabric: Fabric | None = None,
+    springs: str | None = None,
 ) -> Shot:
     """Reads what is to be simulated from a stage.
 
@@ -59,6 +63,7 @@ def read_shot(
         cloth: paths of prims that are cloth, see :func:`cloth_meshes`.
         collider: paths of further colliders, or of parents of some.
         fabric: what the cloth is made of; None: as its materials say.
+        springs: see :meth:`warpcloth.Cloth.from_mesh`; None: as its meshes say.
 
     Raises:
         UsdError: the stage cannot be read, has no cloth, or something in it cannot be used; MeshError: likewise.
@@ -70,7 +75,8 @@ def read_shot(
         if network is not None:
             return Shot(path, stage, start, [], [], (), network)
         meshes = cloth_meshes(stage, cloth, path.name)
-        parts = [read_cloth(mesh, name, start, fabric) for mesh, name in zip(meshes, cloth_names(meshes), strict=True)]
+        names = cloth_names(meshes)
+        parts = [read_cloth(mesh, name, start, fabric, springs) for mesh, name in zip(meshes, names, strict=True)]
         taken = {mesh.GetPath() for mesh in meshes}
         prims = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
         marked = [prim for prim in prims if is_collider(prim) and prim.GetPath() not in taken]
