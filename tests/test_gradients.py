@@ -208,6 +208,19 @@ def test_forces_of_the_callers_own():
     assert_slopes_agree(loss, h=1e-5)
 
 
+def test_single_precision_agrees_with_double():
+    found = []
+    for precision in ("float32", "float64"):
+        cloth = wc.Cloth.grid((0.4, 0.4), (5, 5), wc.Fabric(stretch_stiffness=100.0, shear_stiffness=20.0), [wc.pin(0)])
+        model = wc.Model.build([cloth], precision=precision, differentiable=True)
+        rollout = Rollout(wc.Simulation(model, substeps=20), 3)
+        rollout.forward()
+        found.append(rollout.backward(np.random.default_rng(0).normal(size=(25, 3))))
+    for name, gradient in found[0].items():
+        exact = found[1][name].numpy()
+        assert np.abs(gradient.numpy() - exact).max() <= 1e-3 * np.abs(exact).max(), name
+
+
 def test_worlds_have_gradients_of_their_own():
     cloths = [wc.Cloth.grid((0.2, 0.2), (3, 3), FABRIC, velocity=(0.1, 0.0, vz)) for vz in (0.0, 1.0)]
     worlds = [([cloth], [wc.Sphere((0.02, 0.03, -0.105), 0.1)]) for cloth in cloths]

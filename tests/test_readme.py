@@ -58,6 +58,15 @@ def test_the_examples_of_embedding_run_as_one_script(tmp_path):
     assert height.max() == pytest.approx(1.0)
 
 
+def test_the_gradient_examples_run(tmp_path, capsys):
+    """One after the other, from a file: Warp reads the source of kernels."""
+    file = tmp_path / "example.py"
+    file.write_text("".join(blocks(REPOSITORY / "warpcloth" / "gradients" / "README.md", "python")), encoding="utf-8")
+    names = runpy.run_path(str(file))
+    assert f"({names['model'].spring_count},)" in capsys.readouterr().out
+    assert names["model"].spring_stiffness.grad.numpy().any()
+
+
 @pytest.mark.parametrize("path", READMES, ids=lambda path: path.relative_to(REPOSITORY).as_posix())
 def test_links_lead_somewhere(path):
     links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", path.read_text(encoding="utf-8"))

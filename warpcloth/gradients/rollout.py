@@ -17,6 +17,8 @@ from .recording import Recording
 from .snapshots import Snapshots
 from .steps import fresh_state, recorded_step
 
+FARTHEST = 1e6  # [m] that anything may be off the origin
+
 
 class Rollout:
     """``frames`` frames of a simulation from where it is now, again and again, and derivatives of what they lead to.
@@ -107,7 +109,7 @@ class Rollout:
                 Gradients then add up, as they do on tapes, until ``tape.zero()``.
 
         Raises:
-            DivergedError: something is no longer finite.
+            DivergedError: something is no longer finite, or more than 1000 km off.
             InputError: a tape is recording.
         """
         _check_no_tape_records()
@@ -120,8 +122,11 @@ class Rollout:
             self._checkpoints.take(first // self.segment)
             self._march(first, min(first + self.segment, self.steps), None)
         simulation.time = self._start_time + self.frames * self._frame_dt
-        if not np.isfinite(self.end.particle_q.numpy()).all():
-            raise DivergedError(f"The roll-out has positions that are not finite after {self.steps} steps.")
+        if not np.abs(self.end.particle_q.numpy()).max(initial=0.0) < FARTHEST:
+            raise DivergedError(
+                f"The roll-out has positions that are not finite, or far off, after {self.steps} steps; "
+                "take more substeps."
+            )
         for state in self.states:
             _zero_gradients(state)
         if tape is not None:
