@@ -30,7 +30,7 @@ def small(integrator: str, substeps: int, obstacles: tuple = (), **options) -> w
 
 
 def test_implicit_euler_through_200_steps():
-    rollout = Rollout(small("implicit_euler", 4), 50, fps=200, observe=[50])
+    rollout = Rollout(small("implicit_euler", 4), 50, fps=400, observe=[50])
     assert rollout.steps == 200
     assert_slopes_agree(RandomLoss(rollout), together=True)
 
