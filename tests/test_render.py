@@ -7,7 +7,7 @@ from PIL import Image
 from warpcloth.scenes import scene_from_toml, simulate
 from warpcloth.scenes.usd.playback import Playback
 
-from warpcloth import Cloth
+from warpcloth import Box, Cloth
 from warpcloth.cli import run
 from warpcloth.errors import InputError
 from warpcloth.render import render
@@ -17,7 +17,8 @@ from warpcloth.render.coloring import vertex_strain
 from warpcloth.render.looks import PATTERN_NAMES, WHITE, pattern_image, pattern_uvs
 from warpcloth.render.refine import SmoothMesh
 from warpcloth.render.shade import display
-from warpcloth.render.solids import grid
+from warpcloth.render.shot import moved_back
+from warpcloth.render.solids import SolidShape, ball_surface, grid
 from warpcloth.render.surface import ClothShell
 
 SCENE = """
@@ -75,6 +76,37 @@ def test_refinement_keeps_a_flat_cloth_flat_and_its_outline():
     corners = np.cross(*(fine[mesh.triangles(2)][:, k] - fine[mesh.triangles(2)][:, 0] for k in (1, 2)))
     assert corners[:, 2].min() > 0.0
     assert 0.5 * corners[:, 2].sum() == pytest.approx(0.7)
+
+
+def test_ripple_is_taken_off_and_wide_shapes_stay():
+    cloth = Cloth.grid(resolution=(41, 41), size=(1.0, 1.0))
+    mesh, x = SmoothMesh(cloth.points, cloth.triangles, 1), cloth.points[:, 0]
+    inner = np.abs(cloth.points[:, :2]).max(axis=1) < 0.3
+    ripple = 1.0 - (1.0 - 0.5**3) ** 2  # a round takes half off what goes up and down from vertex to vertex
+    for waves, kept in ((2.0, (0.98, 1.02)), (20.0, (ripple - 1e-9, ripple + 1e-9))):
+        wave = np.column_stack([cloth.points[:, :2], 0.01 * np.cos(2.0 * np.pi * waves * x)])
+        share = np.abs(mesh.filtered(wave)[inner, 2]).max() / 0.01
+        assert kept[0] <= share <= kept[1]
+    assert np.abs(mesh.filtered(cloth.points)[inner] - cloth.points[inner]).max() < 1e-9
+
+
+def test_what_is_moved_back_looks_the_same():
+    eye = np.array([1.0, -2.0, 0.5])
+    near = ball_surface(np.zeros(3), 0.3, (1.0, 1.0, 1.0))
+    far = moved_back(near, eye, 0.05)
+    before, after = near.points - eye, far.points - eye
+    lengths = [np.linalg.norm(rays, axis=1) for rays in (before, after)]
+    assert np.allclose(lengths[1] - lengths[0], 0.05)
+    assert np.allclose(before / lengths[0][:, None], after / lengths[1][:, None])
+
+
+def test_solids_are_drawn_smaller_without_coming_apart():
+    box = SolidShape(Box((0.0, 0.0, 0.0), (0.4, 0.2, 0.2)))
+    whole, inset = box.place(0.0), box.place(0.0, 0.01)
+    assert (whole.points.max(axis=0) - inset.points.max(axis=0)).min() > 0.004
+    assert np.abs(whole.points - inset.points).max() < 0.011
+    places = len(np.unique(np.round(whole.points, 9), axis=0))
+    assert len(np.unique(np.round(inset.points, 9), axis=0)) == places
 
 
 def test_refinement_smooths_edges_away():

@@ -24,10 +24,14 @@ class View:
 
 
 VIEWS = {
-    "flag": View(0.25),
-    "sphere_through_curtain": View(0.36, "-35,12"),
-    "pendulum": View(0.6, "-75,14"),
+    "flag": View(0.75),
+    "fold_over_table": View(1.0, "1.17,-1.46,1.78,-0.05,0.0,0.64"),
+    "funnel": View(0.09, "-58,40"),
     "hanging": View(1.0, "-68,14"),
+    "pendulum": View(0.6, "-75,14"),
+    "pile": View(1.0, "-58,34"),
+    "sphere_through_curtain": View(0.625, "50,14"),
+    "twist": View(0.5),
 }
 
 

@@ -42,7 +42,7 @@ def _weave(x: np.ndarray, y: np.ndarray) -> Pattern:
     """Plain weave, 4 threads each way, alternately on top."""
     on_top = (np.floor(4 * x) + np.floor(4 * y)) % 2 == 0
     across, along = np.sin(np.pi * (4 * y % 1.0)), np.sin(np.pi * (4 * x % 1.0))
-    return np.ones_like(x), 0.6 + 0.4 * np.sqrt(np.where(on_top, across, along))
+    return np.ones_like(x), 0.84 + 0.16 * np.sqrt(np.where(on_top, across, along))
 
 
 def _gingham(x: np.ndarray, y: np.ndarray) -> Pattern:

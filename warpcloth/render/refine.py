@@ -9,6 +9,8 @@ import numpy as np
 
 CORNER_ANGLE = np.radians(135.0)  # of the cloth at a boundary vertex, below which the outline has a corner there
 
+ROUNDS = 3  # of smoothing that take ripple off
+
 
 class Weights:
     """A sparse matrix as rows of weights: ``apply`` gives, for each row, the weighted sum of values."""
@@ -118,6 +120,22 @@ class SmoothMesh:
     def triangles(self, depth: int) -> np.ndarray:
         """Triangles after ``depth`` refinements."""
         return self.levels[depth - 1].triangles if depth else self.coarse
+
+    def filtered(self, points: np.ndarray) -> np.ndarray:
+        """Vertices without the ripple that cells leave along folds which run across them; wider shapes stay as large.
+
+        With s for :data:`ROUNDS` of smoothing the filter is s (2 − s): what s takes off wide shapes is put back.
+        """
+        if not self.levels:
+            return points
+
+        def smooth(values: np.ndarray) -> np.ndarray:
+            for _ in range(ROUNDS):
+                values = self.levels[0].limit.apply(values)
+            return values
+
+        once = smooth(points)
+        return once + smooth(points - once)
 
     def points(self, points: np.ndarray, smoothings: int = 0) -> list[np.ndarray]:
         """Vertices of the mesh and of each refinement, for vertices (n, 3) of the mesh.

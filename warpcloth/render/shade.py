@@ -26,10 +26,10 @@ class Studio:
     """
 
     sun_angle: float = 0.11
-    azimuth: float = np.radians(-80.0)
-    elevation: float = np.radians(44.0)
-    key: tuple[float, float, float] = (1.22, 1.15, 1.04)
-    sky: tuple[float, float, float] = (0.30, 0.33, 0.375)
+    azimuth: float = np.radians(-66.0)
+    elevation: float = np.radians(46.0)
+    key: tuple[float, float, float] = (1.14, 1.07, 0.97)
+    sky: tuple[float, float, float] = (0.37, 0.40, 0.44)
     ground: tuple[float, float, float] = (0.20, 0.19, 0.17)
     bounce: tuple[float, float, float] = (0.05, 0.047, 0.043)
     floor: tuple[float, float, float] = (0.72, 0.70, 0.67)

@@ -1,6 +1,7 @@
 """A cache as a photographer sees it: surfaces at each frame, lit."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from .surface import ClothShell, Sides, Surface
 
 SAMPLED_FRAMES = 13  # of a shot, that show where things go
 TRAIL = 1.0  # [s]
+# Smooth cloth cuts corners, so what it lies on is drawn smaller and further away, by these shares of the scene's size.
+INSET, BEHIND = 0.004, 0.006
 
 
 class Shot:
@@ -43,7 +46,8 @@ class Shot:
         self.playback, self.coloring = playback, coloring
         self.pattern = "plain" if coloring.measured else pattern
         self.studio = studio or Studio()
-        self.shells = [ClothShell(c.rest, c.triangles, self._uvs(c), c.thickness) for c in playback.cloths]
+        layered = len(playback.cloths) > 1
+        self.shells = [ClothShell(c.rest, c.triangles, self._uvs(c), c.thickness, layered) for c in playback.cloths]
         self.looks = [look_of(cloth.fabric) for cloth in playback.cloths]
         self.solids = [SolidShape(item) for item in playback.obstacles if not isinstance(item, Plane)]
         self.split = 4 if rays[1] > 64 else 2
@@ -59,7 +63,7 @@ class Shot:
         shells = [
             s.place(self.playback.points(c, frame)) for s, c in zip(self.shells, self.playback.cloths, strict=True)
         ]
-        solids = [solid.place(time) for solid in self.solids]
+        solids = [solid.place(time, INSET * self.size) for solid in self.solids]
         solids += [piece for network in self.playback.networks for piece in self._pieces(network, frame)]
         baked = self._gather([coarse for coarse, _ in shells], solids)
         drawn = [self._cloth(k, frame, fine) for k, (_, fine) in enumerate(shells)]
@@ -70,7 +74,9 @@ class Shot:
     def picture(self, surfaces: list[Surface], painter: Painter, camera: Camera) -> np.ndarray:
         """A picture of what :meth:`surfaces` found, uint8, shape [height, width, 3]."""
         colors = [display(radiance(item, self.studio, self.sun, camera.eye)) for item in surfaces]
-        return painter.paint(surfaces, colors, display(self.backdrop()), camera)
+        back = BEHIND * self.size
+        placed = [item if item.twin is not None else moved_back(item, camera.eye, back) for item in surfaces]
+        return painter.paint(placed, colors, display(self.backdrop()), camera)
 
     def backdrop(self) -> np.ndarray:
         """Linear colour of the floor where nothing is near, shape [3]."""
@@ -117,17 +123,21 @@ class Shot:
         pieces += [
             rod_surface(a, b, 0.5 * network.width, network.spring_color) for a, b in play.segments(network, frame)
         ]
-        first = max(0, frame - round(TRAIL * play.fps))
+        first = self._trail_start(frame)
         for earlier in range(first, frame):
             ends = zip(play.points(network, earlier), play.points(network, earlier + 1), strict=True)
             radius = thin * (earlier + 1 - first) / (frame - first)
             pieces += [rod_surface(a, b, radius, network.ball_color, 6, 2) for a, b in ends if not np.array_equal(a, b)]
         return pieces
 
+    def _trail_start(self, frame: int) -> int:
+        return max(0, frame - round(TRAIL * self.playback.fps))
+
     def points_at(self, frame: int) -> np.ndarray:
-        """What a picture of a frame should show [m], shape [n, 3]: cloth, networks, and solids of their size."""
-        items: list[PlayedCloth | PlayedNetwork] = [*self.playback.cloths, *self.playback.networks]
-        found = [self.playback.points(item, frame) for item in items]
+        """What a picture of a frame should show [m], shape [n, 3]: cloth, networks' ways, and solids of their size."""
+        play, trail = self.playback, range(self._trail_start(frame), frame + 1)
+        found = [play.points(cloth, frame) for cloth in play.cloths]
+        found += [play.points(network, earlier) for network in play.networks for earlier in trail]
         near = np.concatenate(found)
         room = 2.5 * float(np.linalg.norm(np.ptp(near, axis=0)))
         for solid in self.solids:
@@ -161,6 +171,12 @@ class Shot:
             return Floor(center, radius, np.array([0.0, 0.0, 1.0]), np.array(self.studio.floor), self.split)
         foot = center - np.dot(center - plane.point, plane.normal) * plane.normal
         return Floor(foot, radius, plane.normal, np.array(self.studio.floor), self.split)
+
+
+def moved_back(surface: Surface, eye: np.ndarray, way: float) -> Surface:
+    """A surface that looks the same from ``eye`` but is ``way`` [m] further away, so that cloth on it covers it."""
+    rays = surface.points - eye
+    return replace(surface, points=surface.points + way * rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
 
 def box_corners(points: np.ndarray) -> np.ndarray:

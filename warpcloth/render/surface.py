@@ -66,10 +66,18 @@ class ClothShell:
     Args:
         rest: rest pose [m], shape [n, 3]. triangles: shape [m, 3]. uvs: at corners, shape [m, 3, 2], or None.
         thickness: [m].
+        layered: whether other cloth may lie on it, so that it must not be smoothed.
     """
 
-    def __init__(self, rest: np.ndarray, triangles: np.ndarray, uvs: np.ndarray | None, thickness: float):
-        self.thickness = thickness
+    def __init__(
+        self,
+        rest: np.ndarray,
+        triangles: np.ndarray,
+        uvs: np.ndarray | None,
+        thickness: float,
+        layered: bool = False,
+    ):
+        self.thickness, self.layered = thickness, layered
         self.baked = _levels_below(len(rest), BAKED_VERTICES)
         self.drawn = max(self.baked, _levels_below(len(rest), DRAWN_VERTICES))
         self.mesh = SmoothMesh(rest, triangles, self.drawn)
@@ -83,6 +91,7 @@ class ClothShell:
 
     def place(self, points: np.ndarray) -> tuple["Sides", "Sides"]:
         """The shell at vertices (n, 3) [m], as coarse as light is gathered at and as fine as it is drawn."""
+        points = points if self.layered else self.mesh.filtered(points)
         levels, smoothed = self.mesh.points(points), self.mesh.points(points, NORMAL_SMOOTHINGS)
         coarse, fine = (self._sides(levels[depth], smoothed[depth], depth) for depth in (self.baked, self.drawn))
         return coarse, fine
