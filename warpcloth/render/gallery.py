@@ -24,6 +24,7 @@ class View:
 
 
 VIEWS = {
+    "drape_bunny": View(1.0, "160,16"),
     "flag": View(0.75),
     "fold_over_table": View(1.0, "1.17,-1.46,1.78,-0.05,0.0,0.64"),
     "funnel": View(0.09, "-58,40"),
