@@ -1,4 +1,4 @@
-"""``warpcloth bench``: measurements that compare schemes, contact under stress, many worlds, the page under load."""
+"""``warpcloth bench``: measurements of schemes, speed, contact under stress, many worlds, the page under load."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,45 +9,60 @@ from .. import validate
 from ..errors import InputError
 from .bench_contact import bench_contact
 from .bench_integrators import bench_integrators
+from .bench_speed import bench_speed
 from .bench_view import bench_view
 from .bench_worlds import bench_worlds
 from .report import Report
 
-BENCHMARKS = ("integrators", "contact", "worlds", "view")
+BENCHMARKS = ("integrators", "contact", "worlds", "view", "speed")
 # Which of the benchmarks have an option that not all have.
 HAVE = {
-    **dict.fromkeys(("problems", "quick", "no_plots"), ("integrators",)),
+    **dict.fromkeys(("problems", "quick"), ("integrators", "speed")),
+    "no_plots": ("integrators",),
+    "compare": ("speed",),
+    "budget": ("integrators", "contact", "worlds", "view"),
     **dict.fromkeys(("count", "seed", "resume"), ("contact",)),
-    "schemes": ("integrators", "contact", "worlds"),
+    "schemes": ("integrators", "contact", "worlds", "speed"),
     "scene": ("integrators", "contact", "view"),
-    "frames": ("integrators", "contact"),
-    "resolution": ("contact", "worlds", "view"),
+    "frames": ("integrators", "contact", "speed"),
+    "resolution": ("contact", "worlds", "view", "speed"),
     "worlds": ("worlds",),
 }
 
-What = Annotated[str, typer.Argument(metavar="WHAT", help="What to measure: integrators, contact, worlds or view.")]
+What = Annotated[
+    str, typer.Argument(metavar="WHAT", help="What to measure: integrators, contact, worlds, view or speed.")
+]
 Schemes = Annotated[
     str | None,
     typer.Option(
         "--integrators",
         metavar="A,B,…",
-        help="Only these (see `integrators`).  [default: all; contact: those of the scenes; worlds: two]",
+        help="Only these (see `integrators`).  "
+        "[default: all; contact: those of the scenes; worlds: two; speed: xpbd and peers]",
     ),
 ]
 Problems = Annotated[
-    str | None, typer.Option("--problems", metavar="A,B,…", help="Only these test problems.  [default: all]")
+    str | None,
+    typer.Option(
+        "--problems",
+        metavar="A,B,…",
+        help="Only these test problems; speed: parts.  [default: all; speed: all but scaling and startup]",
+    ),
 ]
 SceneOption = Annotated[
     str | None,
     typer.Option("--scene", help="Measure on this scene instead of the test problems; contact: on these, A,B,…"),
 ]
-Frames = Annotated[str | None, typer.Option(metavar="N", help="Frames of the scene.  [default: all]")]
+Frames = Annotated[str | None, typer.Option(metavar="N", help="Frames of the scene; speed: of each.  [default: all]")]
 Quick = Annotated[bool, typer.Option("--quick", help="Half a minute instead of minutes: fewer, coarser runs.")]
 Count = Annotated[str | None, typer.Option(metavar="N", help="contact: how many random scenes.  [default: 20]")]
 Seed = Annotated[str | None, typer.Option(metavar="N", help="contact: seed of the first random scene.  [default: 0]")]
 Resolution = Annotated[
     str | None,
-    typer.Option(metavar="N", help="contact, worlds, view: N² vertices in each cloth.  [default: the scene's; 16; 64]"),
+    typer.Option(
+        metavar="N",
+        help="contact, worlds, view, speed: N² vertices in each cloth.  [default: the scene's; 16; 64; 64 and 128]",
+    ),
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="contact: leave out what DIR/results.json has already.")]
 Worlds = Annotated[
@@ -59,6 +74,10 @@ Budget = Annotated[
         metavar="SECONDS",
         help="Time for one scheme on one problem; contact: for one scene; worlds: for one number; view: to count.",
     ),
+]
+Compare = Annotated[
+    Path | None,
+    typer.Option("--compare", metavar="FILE", help="speed: results.json of an earlier run, for ratios to it."),
 ]
 Output = Annotated[
     Path | None,
@@ -80,14 +99,15 @@ def command(
     resume: Resume = False,
     worlds: Worlds = None,
     budget: Budget = None,
+    compare: Compare = None,
     output: Output = None,
     no_plots: NoPlots = False,
 ) -> Report:
-    """Compare the integrators: accuracy, cost, energy, stability. Or stress contact, many worlds, the page."""
+    """Compare the integrators: accuracy, cost, energy, stability. Or measure speed, contact, worlds, the page."""
     given: dict[str, Any] = {
         "problems": problems, "quick": quick, "no_plots": no_plots,
         "count": count, "seed": seed, "resolution": resolution, "resume": resume,
-        "scene": scene, "frames": frames, "worlds": worlds, "schemes": schemes,
+        "scene": scene, "frames": frames, "worlds": worlds, "schemes": schemes, "budget": budget, "compare": compare,
     }  # fmt: skip
     validate.choice(what, BENCHMARKS, "what to measure")
     _check_options(what, given)
@@ -98,6 +118,8 @@ def command(
         return bench_view(scene, resolution, budget, folder)
     if what == "worlds":
         return bench_worlds(schemes, worlds, resolution, budget, folder)
+    if what == "speed":
+        return bench_speed(schemes, problems, frames, resolution, quick, compare, folder)
     return bench_integrators(schemes, problems, scene, frames, quick, budget, folder, no_plots)
 
 

@@ -1,0 +1,105 @@
+"""Time and memory against the number of particles, each size in a process of its own."""
+
+import statistics
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcloth.errors import StabilityWarning
+
+from .child import in_child, serve
+from .effort import Effort
+from .scenes import DT, PROBLEMS, simulation
+
+EXPLICIT_SUBSTEPS = 16
+START_FRAMES = {"hang": 3, "drape": 20}  # before those that count; by then the cloth lies on the ball
+FRAMES = 7
+SMALL = 8  # vertices along an edge of what loads the kernels, so that their memory is not counted
+
+
+def scaling(effort: Effort, report: Callable[[str], None]) -> dict[str, Any]:
+    """Cost of the explicit step, of hanging and of draping with XPBD, for 16² to 512² particles.
+
+    Returns:
+        ``rows``: ``problem``, ``resolution``, ``particles``, ``substeps``, ``frame_ms`` (median), ``particle_step_ns``
+        (of a particle in a substep), ``bytes_per_particle`` (by which the peak of resident memory rose; None where the
+        system does not say); ``exponents``: by problem, of the time of a frame (``frame``) and of a step (``step``) in
+        the number of particles, least squares of logarithms.
+    """
+    rows = []
+    for problem, sizes in effort.sizes.items():
+        for n in sizes:
+            report(f"scaling, {problem}, {n}²")
+            rows.append(in_child("scaling", {"problem": problem, "n": n, "frames": max(FRAMES, effort.repeats)}))
+    failures = [f"scaling, {r['problem']}, {r['resolution']}²: not finite" for r in rows if not r["finite"]]
+    return {"rows": rows, "exponents": _exponents(rows), "failures": failures}
+
+
+def _exponents(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    found: dict[str, dict[str, float]] = {}
+    for problem in dict.fromkeys(row["problem"] for row in rows):
+        own = [row for row in rows if row["problem"] == problem]
+        if len(own) > 1:
+            particles, frame, substeps = np.log([[r["particles"], r["frame_ms"], r["substeps"]] for r in own]).T
+            found[problem] = {
+                "frame": float(np.polyfit(particles, frame, 1)[0]),
+                "step": float(np.polyfit(particles, frame - substeps, 1)[0]),
+            }
+    return found
+
+
+def measure(problem: str, n: int, frames: int) -> dict[str, Any]:
+    """A row, in this process; in one that has done other things its memory means nothing."""
+    warnings.simplefilter("ignore", StabilityWarning)  # the explicit step is timed for a few frames, not used
+    _run(problem, SMALL, 2)
+    before = _peak_memory()
+    sim, wall = _run(problem, n, frames)
+    after, count = _peak_memory(), n * n
+    middle = statistics.median(wall)
+    return {
+        "problem": problem,
+        "resolution": n,
+        "particles": count,
+        "substeps": sim.substeps,
+        "frame_ms": 1e3 * middle,
+        "particle_step_ns": 1e9 * middle / (count * sim.substeps),
+        "bytes_per_particle": None if after is None or before is None else (after - before) / count,
+        "finite": bool(np.isfinite(sim.state.particle_q.numpy()).all()),
+    }
+
+
+def _run(problem: str, n: int, frames: int) -> tuple[Any, list[float]]:
+    """A simulation, and the wall times of its last ``frames`` frames [s]."""
+    if problem == "explicit":
+        # So short a step that networks of all sizes are stable at it: what it costs does not depend on its length.
+        sim = simulation(PROBLEMS["hang"], n, "symplectic_euler", substeps=EXPLICIT_SUBSTEPS)
+        dt, start = 1e-4, START_FRAMES["hang"]
+    else:
+        sim, dt, start = simulation(PROBLEMS[problem], n, "xpbd"), DT, START_FRAMES[problem]
+    wall = []
+    for number in range(start + frames):
+        begun = time.perf_counter()
+        sim.step(dt)
+        wp.synchronize_device(sim.model.device)
+        if number >= start:
+            wall.append(time.perf_counter() - begun)
+    return sim, wall
+
+
+def _peak_memory() -> int | None:
+    """The most memory that this process has had in use [bytes]."""
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+if __name__ == "__main__":
+    serve(measure)
