@@ -34,6 +34,18 @@ def count_torn(
 
 
 @wp.kernel
+def give_up(
+    # State in
+    torn: wp.array(dtype=wp.int32),
+    # Out
+    impacts_out: wp.array(dtype=wp.int32),
+):
+    """Nothing is looked at in a frame that has diverged: everything may meet everything there, and it is an error."""
+    if torn[wp.tid()] > 0:
+        impacts_out[0] = 0
+
+
+@wp.kernel
 def limit_motion(
     # Model
     particle_inv_mass: wp.array(dtype=real),

@@ -101,6 +101,8 @@ class ClothContact:
         wp.copy(self.now, state.particle_q, count=model.particle_count)
         self.rounds.zero_()
         self.impacts.fill_(1)
+        self.remaining.zero_()
+        self._launch(self.kernels.contact_guard.give_up, model.world_count, [self.torn], [self.impacts])
         self.met.fill_(1)
         self.finder.measure_drift(self.start, self.now)
         wp.capture_while(self.impacts, self._part, state=state, span=span)
