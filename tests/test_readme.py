@@ -1,6 +1,7 @@
 """What the READMEs say can be done can be done."""
 
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
