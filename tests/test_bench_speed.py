@@ -1,14 +1,28 @@
 """The benchmark of speed, small: what it measures is there, and is the same work for all."""
 
+import io
 import json
 
 import numpy as np
 import pytest
-from warpcloth.benchmarks.speed import comparison, effort, explicit, network, race, scaling, scenes, startup
+from rich.console import Console
+from warpcloth.benchmarks.speed import (
+    comparison,
+    effort,
+    explicit,
+    measurements,
+    network,
+    race,
+    run_parts,
+    scaling,
+    scenes,
+    startup,
+)
+from warpcloth.benchmarks.speed.tables import tables
 from warpcloth.benchmarks.speed.throughput import throughput
 
 from warpcloth.cli import run
-from warpcloth.errors import InputError
+from warpcloth.errors import InputError, SimulationError
 
 
 @pytest.fixture(scope="module")
@@ -149,6 +163,27 @@ def test_cost_of_a_particle_is_measured(problem):
     found = scaling.measure(problem, 9, 2)
     assert found["finite"]
     assert found["particle_step_ns"] == pytest.approx(1e6 * found["frame_ms"] / (81 * found["substeps"]))
+
+
+def test_a_part_that_fails_does_not_take_the_others_with_it(monkeypatch):
+    def failing(module, arguments):
+        raise SimulationError("no answer.")
+
+    monkeypatch.setattr(scaling, "in_child", failing)
+    chosen = effort(["scaling", "hang"], ["xpbd"], 4, 2, quick=True)
+    heard = []
+    found = run_parts(chosen, heard.append)
+    assert found["failures"] == ["scaling: no answer."]
+    assert found["parts"]["scaling"]["rows"] == []
+    assert found["parts"]["hang"]["rows"][0]["finite"]
+    Console(file=io.StringIO()).print(tables(found))
+
+
+def test_progress_is_announced_in_advance():
+    heard = []
+    chosen = effort(["hang", "drape", "output", "profile"], ["xpbd"], 4, 2, quick=True)
+    run_parts(chosen, heard.append)
+    assert len(heard) == measurements(chosen)
 
 
 def test_starts_are_whole_processes(monkeypatch):

@@ -14,7 +14,7 @@ from .effort import PEERS, Effort
 from .scenes import DRAPE, HANG, Problem, edges, mean_strain, misses, penetration, swing
 from .tools import Run, maker, usual
 
-PEER_PATIENCE = 60.0  # [s] for the timed runs of a peer
+PEER_PATIENCE = 120.0  # [s] for all runs of a peer
 TORN = 1.0  # mean strain beyond which there is no cloth left to look at
 WARM_FRAMES = 2  # the first loads kernels, the second may record a graph
 
@@ -46,11 +46,10 @@ class Lane:
         """A run that is timed, unless the tool failed or has had its time."""
         if "failed" in self.row or (self.name in PEERS and self._spent > PEER_PATIENCE):
             return
-        begun = time.perf_counter()
         self._guarded(self._timed)
-        self._spent += time.perf_counter() - begun
 
     def _guarded(self, action: Callable[[], None]) -> None:
+        begun = time.perf_counter()
         try:
             action()
         except WarpclothError as error:
@@ -60,6 +59,7 @@ class Lane:
                 raise
             # Whatever goes wrong in a tool that is not ours is a result of the comparison, not the end of it.
             self.row["failed"] = f"{type(error).__name__}: {error}"
+        self._spent += time.perf_counter() - begun
 
     def _watched(self) -> None:
         begun, times = time.perf_counter(), []

@@ -1,10 +1,13 @@
 """Time and memory against the number of particles, each size in a process of its own."""
 
+import gc
+import mmap
 import statistics
 import sys
 import time
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,8 +30,9 @@ def scaling(effort: Effort, report: Callable[[str], None]) -> dict[str, Any]:
 
     Returns:
         ``rows``: ``problem``, ``resolution``, ``particles``, ``substeps``, ``frame_ms`` (median), ``particle_step_ns``
-        (of a particle in a substep), ``bytes_per_particle`` (by which the peak of resident memory rose; None where the
-        system does not say); ``exponents``: by problem, of the time of a frame (``frame``) and of a step (``step``) in
+        (of a particle in a substep), ``bytes_per_particle`` (by which resident memory is more than before, with all
+        that contact needs) and ``peak_bytes_per_particle`` (by which its peak, while the model was built, rose; None
+        where the system does not say); ``exponents``: by problem, of the time of a frame (``frame``) and of a step (``step``) in
         the number of particles, least squares of logarithms.
     """
     rows = []
@@ -57,9 +61,10 @@ def measure(problem: str, n: int, frames: int) -> dict[str, Any]:
     """A row, in this process; in one that has done other things its memory means nothing."""
     warnings.simplefilter("ignore", StabilityWarning)  # the explicit step is timed for a few frames, not used
     _run(problem, SMALL, 2)
-    before = _peak_memory()
+    before, empty = _peak_memory(), _memory()
     sim, wall = _run(problem, n, frames)
-    after, count = _peak_memory(), n * n
+    gc.collect()
+    after, full, count = _peak_memory(), _memory(), n * n
     middle = statistics.median(wall)
     return {
         "problem": problem,
@@ -68,7 +73,8 @@ def measure(problem: str, n: int, frames: int) -> dict[str, Any]:
         "substeps": sim.substeps,
         "frame_ms": 1e3 * middle,
         "particle_step_ns": 1e9 * middle / (count * sim.substeps),
-        "bytes_per_particle": None if after is None or before is None else (after - before) / count,
+        "bytes_per_particle": None if empty is None or full is None else (full - empty) / count,
+        "peak_bytes_per_particle": None if after is None or before is None else (after - before) / count,
         "finite": bool(np.isfinite(sim.state.particle_q.numpy()).all()),
     }
 
@@ -76,9 +82,9 @@ def measure(problem: str, n: int, frames: int) -> dict[str, Any]:
 def _run(problem: str, n: int, frames: int) -> tuple[Any, list[float]]:
     """A simulation, and the wall times of its last ``frames`` frames [s]."""
     if problem == "explicit":
-        # So short a step that networks of all sizes are stable at it: what it costs does not depend on its length.
+        # So short a frame that networks of all sizes are stable: what it costs does not depend on its length.
         sim = simulation(PROBLEMS["hang"], n, "symplectic_euler", substeps=EXPLICIT_SUBSTEPS)
-        dt, start = 1e-4, START_FRAMES["hang"]
+        dt, start = 1e-6, START_FRAMES["hang"]
     else:
         sim, dt, start = simulation(PROBLEMS[problem], n, "xpbd"), DT, START_FRAMES[problem]
     wall = []
@@ -89,6 +95,12 @@ def _run(problem: str, n: int, frames: int) -> tuple[Any, list[float]]:
         if number >= start:
             wall.append(time.perf_counter() - begun)
     return sim, wall
+
+
+def _memory() -> int | None:
+    """Resident memory of this process [bytes]."""
+    pages = Path("/proc/self/statm")
+    return int(pages.read_text().split()[1]) * mmap.PAGESIZE if pages.is_file() else None
 
 
 def _peak_memory() -> int | None:

@@ -6,6 +6,8 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
+from warpcloth.errors import SimulationError
+
 from ..machine import describe_machine
 from .effort import Effort
 from .output import output
@@ -54,7 +56,10 @@ def run_parts(effort: Effort, report: Report = lambda text: None) -> dict[str, A
     machine, date = describe_machine(), datetime.now(UTC).isoformat(timespec="seconds")
     for name in effort.parts:
         begun = time.perf_counter()
-        parts[name] = MEASURES[name](effort, report)
+        try:
+            parts[name] = MEASURES[name](effort, report)
+        except SimulationError as error:
+            parts[name] = {"rows": [], "failures": [f"{name}: {error}"]}  # the other parts are worth having
         parts[name]["seconds"] = time.perf_counter() - begun
     return {
         "benchmark": "speed",

@@ -12,7 +12,7 @@ Column = tuple[str, Callable[[Row], str]]
 
 def tables(results: dict[str, Any]) -> RenderableType:
     """Everything that was measured, and what is not sound."""
-    parts = [made for name, part in results["parts"].items() for made in MAKERS[name](part)]
+    parts = [made for name, part in results["parts"].items() if part["rows"] for made in MAKERS[name](part)]
     if results.get("comparison"):
         parts.append(_ratios(results["comparison"]))
     machine = results["machine"]
@@ -22,8 +22,9 @@ def tables(results: dict[str, Any]) -> RenderableType:
 
 def _table(title: str, rows: list[Row], columns: list[Column]) -> Table:
     table = Table(title=title, title_justify="left")
-    for number, (head, _) in enumerate(columns):
-        table.add_column(head, justify="right" if number else "left")
+    for number, (head, value) in enumerate(columns):
+        name = max([0, *map(len, map(value, rows))]) if number == 0 else None  # names are not cut short
+        table.add_column(head, justify="right" if number else "left", min_width=name)
     for row in rows:
         table.add_row(*[value(row) for _, value in columns])
     return table
@@ -44,11 +45,11 @@ def _size(row: Row) -> str:
 def _race(title: str, own: Column) -> Callable[[dict[str, Any]], list[RenderableType]]:
     def make(part: dict[str, Any]) -> list[RenderableType]:
         columns: list[Column] = [
-            ("tool", _text("tool")), ("n", _size), ("substeps", _text("substeps")), ("ms", _number("frame_ms")),
+            ("tool", _text("tool")), ("n", _size), ("steps", _text("substeps")), ("ms", _number("frame_ms")),
             ("cpu ms", _number("cpu_ms")), ("runs", _text("repeats")),
             ("strain %", _number("mean_strain", "{:.2f}", 100.0)),
             ("worst %", _number("worst_strain", "{:.2f}", 100.0)),
-            own, ("pairs", _text("intersections")), ("good", _verdict),
+            own, ("pairs", _text("intersections")), ("misses", _verdict),
         ]  # fmt: skip
         return [_table(title, part["rows"], columns)]
 
@@ -60,15 +61,16 @@ def _verdict(row: Row) -> str:
         return f"failed: {row['failed']}"
     if row["misses"] is None:
         return "–"
-    names = [name.removesuffix("_m").replace("_", " ") for name in row["misses"]]
-    return f"not: {', '.join(names)}" if names else "yes"
+    names = [name.removesuffix("_m").removesuffix("_strain") for name in row["misses"]]
+    return ", ".join(names) or "nothing"
 
 
 def _throughput(part: dict[str, Any]) -> list[RenderableType]:
     columns: list[Column] = [
         ("explicit step of", _text("hand")), ("n", _size), ("springs", _number("springs", "{:,.0f}")),
         ("ms", _number("frame_ms", "{:.2f}")), ("M springs/s", _number("springs_per_s", "{:.1f}", 1e-6)),
-        ("ratio", _number("ratio", "{:.2f}")), ("differs by, µm", _number("difference_m", "{:.2g}", 1e6)),
+        ("to Warp's", _number("ratio", "{:.2f}")), ("to C++", _number("ratio_cpp", "{:.2f}")),
+        ("differs by, µm", _number("difference_m", "{:.2g}", 1e6)),
     ]  # fmt: skip
     return [_table(f"Explicit step, 16 in a frame; C++: {part['compiler']}", part["rows"], columns)]
 
@@ -78,6 +80,7 @@ def _scaling(part: dict[str, Any]) -> list[RenderableType]:
         ("problem", _text("problem")), ("n", _size), ("substeps", _text("substeps")),
         ("ms", _number("frame_ms", "{:.2f}")), ("ns per particle and step", _number("particle_step_ns")),
         ("bytes per particle", _number("bytes_per_particle", "{:,.0f}")),
+        ("at most", _number("peak_bytes_per_particle", "{:,.0f}")),
     ]  # fmt: skip
     exponents = [
         f"{problem}: time of a frame ~ particles^{found['frame']:.2f}, of a step ^{found['step']:.2f}"

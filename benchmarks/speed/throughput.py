@@ -25,8 +25,8 @@ def throughput(effort: Effort, report: Callable[[str], None]) -> dict[str, Any]:
     Returns:
         ``compiler``; ``rows``: ``hand``, ``resolution``, ``springs``, ``frame_ms`` (median over rounds of the mean over
         a round's frames), ``springs_per_s``, ``ratio`` (of springs a second, to those of Warp's own benchmark),
-        ``difference_m`` (after one frame, of any coordinate, from numpy in double precision), ``tolerance_m``; and
-        ``failures``: hands that do not compute the same.
+        ``ratio_cpp`` (to C++; None without a compiler), ``difference_m`` (after one frame, of any coordinate, from
+        numpy in double precision), ``tolerance_m``; and ``failures``: hands that do not compute the same.
     """
     found: dict[str, Any] = {"rows": [], "failures": []}
     for n in effort.networks:
@@ -59,6 +59,7 @@ def measure(n: int, rounds: int) -> dict[str, Any]:
             "frame_ms": 1e3 * seconds[name],
             "springs_per_s": springs * SUBSTEPS / seconds[name],
             "ratio": seconds[THEIRS] / seconds[name],
+            "ratio_cpp": seconds[CPP] / seconds[name] if CPP in seconds else None,
             "difference_m": differences[name],
             "tolerance_m": tolerance,
         }
