@@ -32,8 +32,8 @@ def scaling(effort: Effort, report: Callable[[str], None]) -> dict[str, Any]:
         ``rows``: ``problem``, ``resolution``, ``particles``, ``substeps``, ``frame_ms`` (median), ``particle_step_ns``
         (of a particle in a substep), ``bytes_per_particle`` (by which resident memory is more than before, with all
         that contact needs) and ``peak_bytes_per_particle`` (by which its peak, while the model was built, rose; None
-        where the system does not say); ``exponents``: by problem, of the time of a frame (``frame``) and of a step (``step``) in
-        the number of particles, least squares of logarithms.
+        where the system does not say); ``exponents``: by problem, of the time of a frame (``frame``) and of a step
+        (``step``) in the number of particles, least squares of logarithms.
     """
     rows = []
     for problem, sizes in effort.sizes.items():
