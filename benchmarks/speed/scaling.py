@@ -29,11 +29,12 @@ def scaling(effort: Effort, report: Callable[[str], None]) -> dict[str, Any]:
     """Cost of the explicit step, of hanging and of draping with XPBD, for 16² to 512² particles.
 
     Returns:
-        ``rows``: ``problem``, ``resolution``, ``particles``, ``substeps``, ``frame_ms`` (median), ``particle_step_ns``
-        (of a particle in a substep), ``bytes_per_particle`` (by which resident memory is more than before, with all
-        that contact needs) and ``peak_bytes_per_particle`` (by which its peak, while the model was built, rose; None
-        where the system does not say); ``exponents``: by problem, of the time of a frame (``frame``) and of a step
-        (``step``) in the number of particles, least squares of logarithms.
+        ``rows``: ``problem``, ``resolution``, ``particles``, ``substeps``, ``frame_ms`` and ``cpu_ms`` (medians of
+        wall and processor time), ``particle_step_ns`` (of a particle in a substep, in processor time if the device is
+        the CPU, which other processes may use, too), ``bytes_per_particle`` (by which resident memory is more than
+        before, with all that contact needs) and ``peak_bytes_per_particle`` (by which its peak, while the model was
+        built, rose; None where the system does not say); ``exponents``: by problem, of that time of a frame (``frame``)
+        and of a step (``step``) in the number of particles, least squares of logarithms.
     """
     rows = []
     for problem, sizes in effort.sizes.items():
@@ -49,11 +50,9 @@ def _exponents(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
     for problem in dict.fromkeys(row["problem"] for row in rows):
         own = [row for row in rows if row["problem"] == problem]
         if len(own) > 1:
-            particles, frame, substeps = np.log([[r["particles"], r["frame_ms"], r["substeps"]] for r in own]).T
-            found[problem] = {
-                "frame": float(np.polyfit(particles, frame, 1)[0]),
-                "step": float(np.polyfit(particles, frame - substeps, 1)[0]),
-            }
+            particles, substeps, one = np.log([[r["particles"], r["substeps"], r["particle_step_ns"]] for r in own]).T
+            step = float(np.polyfit(particles, one, 1)[0]) + 1.0
+            found[problem] = {"frame": step + float(np.polyfit(particles, substeps, 1)[0]), "step": step}
     return found
 
 
@@ -62,39 +61,41 @@ def measure(problem: str, n: int, frames: int) -> dict[str, Any]:
     warnings.simplefilter("ignore", StabilityWarning)  # the explicit step is timed for a few frames, not used
     _run(problem, SMALL, 2)
     before, empty = _peak_memory(), _memory()
-    sim, wall = _run(problem, n, frames)
+    sim, times = _run(problem, n, frames)
     gc.collect()
     after, full, count = _peak_memory(), _memory(), n * n
-    middle = statistics.median(wall)
+    wall, cpu = (statistics.median(values) for values in zip(*times, strict=True))
+    cost = (sim.model.device.is_cpu and cpu) or wall
     return {
         "problem": problem,
         "resolution": n,
         "particles": count,
         "substeps": sim.substeps,
-        "frame_ms": 1e3 * middle,
-        "particle_step_ns": 1e9 * middle / (count * sim.substeps),
+        "frame_ms": 1e3 * wall,
+        "cpu_ms": 1e3 * cpu,
+        "particle_step_ns": 1e9 * cost / (count * sim.substeps),
         "bytes_per_particle": None if empty is None or full is None else (full - empty) / count,
         "peak_bytes_per_particle": None if after is None or before is None else (after - before) / count,
         "finite": bool(np.isfinite(sim.state.particle_q.numpy()).all()),
     }
 
 
-def _run(problem: str, n: int, frames: int) -> tuple[Any, list[float]]:
-    """A simulation, and the wall times of its last ``frames`` frames [s]."""
+def _run(problem: str, n: int, frames: int) -> tuple[Any, list[tuple[float, float]]]:
+    """A simulation, and wall and processor times of its last ``frames`` frames [s]."""
     if problem == "explicit":
         # So short a frame that networks of all sizes are stable: what it costs does not depend on its length.
         sim = simulation(PROBLEMS["hang"], n, "symplectic_euler", substeps=EXPLICIT_SUBSTEPS)
         dt, start = 1e-6, START_FRAMES["hang"]
     else:
         sim, dt, start = simulation(PROBLEMS[problem], n, "xpbd"), DT, START_FRAMES[problem]
-    wall = []
+    times = []
     for number in range(start + frames):
-        begun = time.perf_counter()
+        begun = time.perf_counter(), time.process_time()
         sim.step(dt)
         wp.synchronize_device(sim.model.device)
         if number >= start:
-            wall.append(time.perf_counter() - begun)
-    return sim, wall
+            times.append((time.perf_counter() - begun[0], time.process_time() - begun[1]))
+    return sim, times
 
 
 def _memory() -> int | None:

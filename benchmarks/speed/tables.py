@@ -78,7 +78,8 @@ def _throughput(part: dict[str, Any]) -> list[RenderableType]:
 def _scaling(part: dict[str, Any]) -> list[RenderableType]:
     columns: list[Column] = [
         ("problem", _text("problem")), ("n", _size), ("substeps", _text("substeps")),
-        ("ms", _number("frame_ms", "{:.2f}")), ("ns per particle and step", _number("particle_step_ns")),
+        ("ms", _number("frame_ms", "{:.2f}")), ("cpu ms", _number("cpu_ms", "{:.2f}")),
+        ("ns per particle and step", _number("particle_step_ns")),
         ("bytes per particle", _number("bytes_per_particle", "{:,.0f}")),
         ("at most", _number("peak_bytes_per_particle", "{:,.0f}")),
     ]  # fmt: skip
