@@ -43,6 +43,7 @@ def test_every_part_is_there(results):
         assert (row["tool"], row["resolution"], row["frames"], row["repeats"]) == ("xpbd", 8, 2, 2)
         assert row["finite"]
         assert row["frame_ms"] > 0.0
+        assert row["mean_ms"] > 0.0
         assert row["substeps"] > 0
         assert row["intersections"] == 0
         assert row["misses"] is None  # two frames do not tell

@@ -9,8 +9,8 @@ from warpcloth.errors import InputError
 
 # Per part, what names a row of it, and which of its numbers cost something.
 COSTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "hang": (("tool", "resolution", "frames"), ("frame_ms", "cpu_ms")),
-    "drape": (("tool", "resolution", "frames"), ("frame_ms", "cpu_ms")),
+    "hang": (("tool", "resolution", "frames"), ("frame_ms", "cpu_ms", "mean_ms")),
+    "drape": (("tool", "resolution", "frames"), ("frame_ms", "cpu_ms", "mean_ms")),
     "throughput": (("hand", "resolution"), ("frame_ms",)),
     "scaling": (("problem", "resolution"), ("frame_ms", "bytes_per_particle")),
     "startup": (("what",), ("seconds",)),

@@ -62,6 +62,8 @@ class NewtonRun:
             builder.add_cloth_grid(**grid, **STRETCH)
         if self.problem is DRAPE:
             shape = newton.ModelBuilder.ShapeConfig(mu=FRICTION)
+            if self.name == SEMI_IMPLICIT:
+                shape.ke, shape.kd, shape.kf = CONTACT
             builder.add_shape_sphere(-1, xform=wp.transform(CENTRE, wp.quat_identity()), radius=RADIUS, cfg=shape)
             builder.add_ground_plane(cfg=shape)
         model = builder.finalize(device="cpu")

@@ -24,7 +24,8 @@ class Lane:
 
     Attributes:
         row: what is known of it so far: its settings, ``frame_ms`` and ``cpu_ms`` (median over ``repeats`` runs of the
-            median over frames; where that is 0, of the run that was looked at), ``compile_s`` (to the end of the second
+            median over frames; where that is 0, of the run that was looked at), ``mean_ms`` (the same of the mean over
+            frames: what a whole shot costs), ``compile_s`` (to the end of the second
             frame), ``mean_strain`` of the last frame, ``worst_strain`` of any frame, ``intersections`` (of the drape:
             the most in any frame, of the hang: in the last one), ``penetration_m``, ``swing_m``, ``finite``, ``misses``
             (see :func:`~warpcloth.benchmarks.speed.scenes.misses`; None unless all frames ran); or ``failed``: a
@@ -35,7 +36,7 @@ class Lane:
         self.problem, self.name = problem, name
         self.frames = problem.frames if frames is None else frames
         self.row: dict[str, Any] = {"tool": name, "resolution": n, "frames": self.frames, "repeats": 0}
-        self._medians: list[tuple[float, float]] = []
+        self._medians: list[tuple[float, float, float]] = []
         self._spent = 0.0
 
     def look(self) -> None:
@@ -80,16 +81,16 @@ class Lane:
         self.row |= {"finite": bool(np.isfinite(points).all()), "intersections": max(crossings), **run.facts, **own}
         self.row |= {"mean_strain": strains[-1], "worst_strain": float(np.max(strains))}
         self.row["misses"] = misses(self.problem, self.row) if self.frames == self.problem.frames else None
-        self._note(_middle(times))
+        self._note(*_middle(times))
 
     def _timed(self) -> None:
         run = maker(self.name)(self.problem, self.row["resolution"])
         self._medians.append(_middle([_frame(run) for _ in range(self.frames)]))
         self.row["repeats"] = len(self._medians)
-        self._note(_middle(self._medians, 0))
+        self._note(*map(statistics.median, zip(*self._medians, strict=True)))
 
-    def _note(self, seconds: tuple[float, float]) -> None:
-        self.row["frame_ms"], self.row["cpu_ms"] = (1e3 * value for value in seconds)
+    def _note(self, wall: float, cpu: float, mean: float) -> None:
+        self.row |= {"frame_ms": 1e3 * wall, "cpu_ms": 1e3 * cpu, "mean_ms": 1e3 * mean}
 
 
 def _frame(run: Run) -> tuple[float, float]:
@@ -99,9 +100,10 @@ def _frame(run: Run) -> tuple[float, float]:
     return time.perf_counter() - begun[0], time.process_time() - begun[1]
 
 
-def _middle(times: list[tuple[float, float]], warm: int = WARM_FRAMES) -> tuple[float, float]:
-    wall, cpu = zip(*(times[warm:] or times), strict=True)
-    return statistics.median(wall), statistics.median(cpu)
+def _middle(times: list[tuple[float, float]]) -> tuple[float, float, float]:
+    """Median wall time, median processor time and mean wall time of frames that are warm [s]."""
+    wall, cpu = zip(*(times[WARM_FRAMES:] or times), strict=True)
+    return statistics.median(wall), statistics.median(cpu), statistics.fmean(wall)
 
 
 def race(problem: Problem, effort: Effort, report: Callable[[str], None]) -> dict[str, Any]:

@@ -46,7 +46,7 @@ def _race(title: str, own: Column) -> Callable[[dict[str, Any]], list[Renderable
     def make(part: dict[str, Any]) -> list[RenderableType]:
         columns: list[Column] = [
             ("tool", _text("tool")), ("n", _size), ("steps", _text("substeps")), ("ms", _number("frame_ms")),
-            ("cpu ms", _number("cpu_ms")), ("runs", _text("repeats")),
+            ("mean", _number("mean_ms")), ("cpu ms", _number("cpu_ms")), ("runs", _text("repeats")),
             ("strain %", _number("mean_strain", "{:.2f}", 100.0)),
             ("worst %", _number("worst_strain", "{:.2f}", 100.0)),
             own, ("pairs", _text("intersections")), ("misses", _verdict),
