@@ -69,6 +69,8 @@ def test_an_earlier_run_is_compared_with(results, tmp_path, capfd):
     ratios = {row["what"]: row["ratio"] for row in comparison(results, slower)}
     assert ratios.pop("hang xpbd 8 2 frame_ms") == pytest.approx(0.5)
     assert set(ratios.values()) == {1.0}
+    other = json.loads(json.dumps(results).replace('"resolution": 8', '"resolution": 16'))
+    assert comparison(results, other) == []  # what is not the same work is not compared
     (tmp_path / "other.json").write_text("[]")
     assert run(["bench", "speed", "--compare", str(tmp_path / "other.json"), "-o", str(tmp_path)]) == 2
     assert "is not the results.json of `bench speed`" in capfd.readouterr().err

@@ -15,7 +15,7 @@ COSTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "scaling": (("problem", "resolution"), ("frame_ms", "bytes_per_particle")),
     "startup": (("what",), ("seconds",)),
     "output": (("resolution", "frames"), ("write_ms", "bytes_per_frame")),
-    "profile": (("what",), ("frame_ms",)),
+    "profile": (("what", "resolution", "frames"), ("frame_ms",)),
 }
 
 

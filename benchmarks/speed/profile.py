@@ -33,9 +33,10 @@ def profile(effort: Effort, report: Callable[[str], None]) -> dict[str, Any]:
     slow, seconds = _mean_frame(n, frames, profile=True)
     stages = {name: spent / frames for name, spent in seconds.items()}
     stages["rest"] = slow - sum(stages.values())
-    rows = [{"what": name, "frame_ms": 1e3 * value} for name, value in {"frame": plain, **stages}.items()]
+    where = {"resolution": n, "frames": frames}
+    rows = [{"what": name, **where, "frame_ms": 1e3 * value} for name, value in {"frame": plain, **stages}.items()]
     report(f"profile, {n}², kernels")
-    return {"resolution": n, "frames": frames, "rows": rows, **_kernels(n, frames)}
+    return {**where, "rows": rows, **_kernels(n, frames)}
 
 
 def _mean_frame(n: int, frames: int, **options: Any) -> tuple[float, dict[str, float]]:
