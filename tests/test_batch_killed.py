@@ -61,7 +61,7 @@ def test_nothing_is_lost_and_nothing_is_half(tmp_path):
         process = start(path, folder.path)
         parent = psutil.Process(process.pid)
         end = time.monotonic() + chance.uniform(2.0, 5.0)
-        while time.monotonic() < end and process.poll() is None:
+        while (time.monotonic() < end or deaths == 0) and process.poll() is None:  # workers may take long to start
             time.sleep(chance.uniform(0.2, 1.2))
             if process.poll() is None and (deaths == 0 or chance.random() < 0.5):
                 deaths += kill_a_worker(parent, chance)

@@ -51,7 +51,7 @@ def test_the_measure_of_depth_knows_inside_from_outside(drape):
     np.testing.assert_allclose(inside, [1.0, 0.0], atol=0.1)
 
 
-@pytest.mark.parametrize("frame", [6, 72])
+@pytest.mark.parametrize("frame", [12, 72])
 def test_particles_stay_outside_at_the_contact_distance(frame, drape):
     """Up to a fifth within the contact distance; and within twice it some do touch: cells ride on the bunny's edges."""
     _, points, _, bunny, triangles = drape

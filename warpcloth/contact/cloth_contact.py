@@ -45,7 +45,7 @@ class ClothContact:
         n, tris, device = self.surface.particle_count, self.surface.tri_count, model.device
         self._worlds = self._edges_and_obstacles()
         self.near = PairList(model, 2 * tris)
-        self.swept = PairList(model, 20 * model.tri_count)
+        self.swept = PairList(model, 2 * tris)
         self.start, self.before, self.now = (self.surface.positions() for _ in range(3))
         self.move, self.kick = (wp.zeros((n, 3), dtype=wp.int64, device=device) for _ in range(2))
         self.share = wp.zeros(n, dtype=wp.int64, device=device)
