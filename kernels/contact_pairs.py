@@ -107,11 +107,12 @@ def apart(a: Box, low: wp.vec3, high: wp.vec3):
 def add_pair(
     kind: int, i: wp.vec4i, start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), rest: wp.array(dtype=vec3),
     radius: wp.array(dtype=real), body: wp.array(dtype=wp.int32), margin: wp.float64, cloth_particles: int,
-    together: int, pairs: Pairs,
+    together: int, leeway: wp.float64, pairs: Pairs,
 ):  # fmt: skip
     """Adds the pair if it can come within ``margin`` while its points move from start to end.
 
     With ``together`` they move at the same time, so that only relative motion counts; else each in its own proportion.
+    With a ``leeway`` below 1 the closest points are taken along their way, and of other motion only that share counts.
     """
     x0 = wide(start[i[0]])
     x1 = wide(start[i[1]])
@@ -136,8 +137,12 @@ def add_pair(
         second = wp.max(second, wp.length(u1))
     else:
         first = wp.max(first, wp.length(u1))
-    reach = margin + first + second
-    if not length <= reach:  # nor where a diverged particle is not a number
+    nearest = length
+    if leeway < wp.float64(1.0):
+        way = combine(w, u0, u1, u2, u3)
+        t = -wp.dot(d, way) / wp.max(wp.dot(way, way), wp.float64(1.0e-30))
+        nearest = wp.length(d + wp.clamp(t, wp.float64(0.0), wp.float64(1.0)) * way)
+    if not nearest <= margin + leeway * (first + second):  # nor where a diverged particle is not a number
         return
     contact = wp.float64(radius[i[0]]) + wp.float64(radius[i[3]])
     if i[0] >= cloth_particles or i[3] >= cloth_particles:
@@ -217,6 +222,7 @@ def find_pairs(
     margin: wp.float64,
     cloth_particles: int,
     together: int,
+    leeway: wp.float64,
     # Out
     pairs_out: Pairs,
 ):
@@ -249,5 +255,5 @@ def find_pairs(
             if not ways_apart(kind, i, particle_from, particle_to, wp.float32(margin)):
                 add_pair(
                     kind, i, particle_from, particle_to, particle_rest, particle_radius, particle_body, margin,
-                    cloth_particles, together, pairs_out,
+                    cloth_particles, together, leeway, pairs_out,
                 )  # fmt: skip

@@ -47,7 +47,7 @@ class PairFinder:
 
     def find(
         self, target: PairList, start: wp.array, end: wp.array, active: wp.array, margin: float, flat: wp.array,
-        together: int,
+        together: int, leeway: float = 1.0,
     ) -> None:  # fmt: skip
         """Fills ``target`` with the pairs that can come within ``margin`` [m] on the way from start to end.
 
@@ -57,6 +57,8 @@ class PairFinder:
             flat: which fans need not be looked at; see :meth:`look_at_fans`.
             together: 1 if all move at the same time, so that only relative motion counts, 0 if each at its own; if 1,
                 :meth:`measure_drift` comes first.
+            leeway: how much of the motion within a pair counts beside that of its closest points: less than all of it
+                leaves out pairs that could meet, but hardly will.
         """
         surface = self.surface
         end = self._without_drift(end) if together else end
@@ -69,7 +71,7 @@ class PairFinder:
             [
                 surface.tri_indices, surface.tri_owned, surface.body, surface.radius, surface.rest, self.width,
                 self.found, start, end, self.lower, self.upper, self.tri_active, margin, surface.cloth_particles,
-                together,
+                together, leeway,
             ],
             [target.pairs],
         )  # fmt: skip
