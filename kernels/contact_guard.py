@@ -1,4 +1,10 @@
-"""The guard: no straight motion of an interval may take a pair through each other; what would is held back."""
+"""The guard: no straight motion of an interval may take a pair through each other; what would is held back.
+
+Held back means: at home, and from there only a fraction of the way to where it would go. Home is where a particle was
+at the start of the interval; but in the way of an obstacle that moves there is no standing still, and home is then
+where that obstacle carries it. Neither takes anything through anything: all that is at home with the same obstacle
+keeps its place within it (Bridson, Fedkiw, Anderson 2002 move impact zones rigidly likewise, by their own momentum).
+"""
 
 import sys
 
@@ -7,6 +13,7 @@ import warp as wp
 from .closest import time_of_impact
 from .contact_pairs import Pairs, narrow, wide
 from .precision import FORWARD_ONLY, real, vec3
+from .shapes import MESH, Placement, Shapes, distance, to_local, to_world
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
@@ -46,6 +53,93 @@ def give_up(
 
 
 @wp.kernel
+def open_worlds(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    met: wp.array(dtype=wp.int32),
+    # Out
+    open_out: wp.array(dtype=wp.int32),
+):
+    """Marks the worlds in which particles still meet; the others must not feel that."""
+    i = wp.tid()
+    if met[i] == 1:
+        open_out[particle_world[i]] = 1
+
+
+@wp.kernel
+def let_go(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    point_shape: wp.array(dtype=wp.int32),
+    shapes: Shapes,
+    cloth_particles: int,
+    # State in
+    open_world: wp.array(dtype=wp.int32),
+    # Out
+    active_out: wp.array(dtype=wp.int32),
+    fraction_out: wp.array(dtype=wp.float64),
+    carrier_out: wp.array(dtype=wp.int32),
+):
+    """Before anything is held back: all go all their way; obstacles that move are carried by themselves."""
+    i = wp.tid()
+    active_out[i] = open_world[particle_world[i]]
+    fraction_out[i] = wp.float64(1.0)
+    carrier_out[i] = -1
+    if i >= cloth_particles:
+        s = point_shape[i - cloth_particles]
+        if shapes.track[s] >= 0:
+            carrier_out[i] = s
+
+
+@wp.func
+def home_of(x: vec3, s: int, place_from: wp.array(dtype=Placement), place_to: wp.array(dtype=Placement)):
+    """Where a particle ends that was at x and does not move but with its carrier s, if it has one."""
+    if s >= 0:
+        return to_world(place_to[s], to_local(place_from[s], x))
+    return x
+
+
+@wp.kernel
+def find_ends(
+    # Model
+    cloth_particles: int,
+    # State in
+    particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3),
+    fraction: wp.array(dtype=wp.float64),
+    carrier: wp.array(dtype=wp.int32),
+    place_from: wp.array(dtype=Placement),
+    place_to: wp.array(dtype=Placement),
+    # Out
+    particle_end_out: wp.array(dtype=vec3),
+):
+    """Where particles end that leave home by a fraction of their way only; obstacles are where they must be."""
+    i = wp.tid()
+    particle_end_out[i] = particle_to[i]
+    f = fraction[i]
+    if i < cloth_particles and f < wp.float64(1.0):
+        home = wide(home_of(particle_from[i], carrier[i], place_from, place_to))
+        particle_end_out[i] = narrow(home + f * (wide(particle_to[i]) - home))
+
+
+@wp.func
+def rigid(
+    i: wp.vec4i,
+    particle_inv_mass: wp.array(dtype=real),
+    fraction: wp.array(dtype=wp.float64),
+    carrier: wp.array(dtype=wp.int32),
+):
+    """Whether all four move as one: they then come nearer by the sagitta of a turn at most, and never meet."""
+    for m in range(4):
+        s = carrier[i[m]]
+        moves = particle_inv_mass[i[m]] > real(0.0) and fraction[i[m]] > wp.float64(0.0)
+        if moves or s < 0 or s != carrier[i[0]]:
+            return False
+    return True
+
+
+@wp.kernel
 def limit_motion(
     # Model
     particle_inv_mass: wp.array(dtype=real),
@@ -54,51 +148,105 @@ def limit_motion(
     stride: int,
     # State in
     particle_from: wp.array(dtype=vec3),
-    particle_to: wp.array(dtype=vec3),
+    particle_end: wp.array(dtype=vec3),
     fraction: wp.array(dtype=wp.float64),
+    carrier: wp.array(dtype=wp.int32),
     # Out
     fraction_out: wp.array(dtype=wp.float64),
+    carrier_out: wp.array(dtype=wp.int32),
     held_back_out: wp.array(dtype=wp.int32),
     counts_out: wp.array(dtype=wp.int32),
 ):
     """For each pair that would meet on its way: its particles may go only as far as the meeting.
 
-    Counts the particles that had to be held back further than before, and pairs that are pinched: they meet though
-    none of them can be held back any more, as what moves is prescribed.
+    If all are at home already, those at rest there go with what carries another of the pair. Counts the particles that
+    changed, and pairs that are pinched: they meet though nothing can be done, as what moves is prescribed.
     """
     for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
+        if rigid(i, particle_inv_mass, fraction, carrier):
+            continue
         x0 = wide(particle_from[i[0]])
         x1 = wide(particle_from[i[1]])
         x2 = wide(particle_from[i[2]])
         x3 = wide(particle_from[i[3]])
-        u0 = fraction[i[0]] * (wide(particle_to[i[0]]) - x0)
-        u1 = fraction[i[1]] * (wide(particle_to[i[1]]) - x1)
-        u2 = fraction[i[2]] * (wide(particle_to[i[2]]) - x2)
-        u3 = fraction[i[3]] * (wide(particle_to[i[3]]) - x3)
+        u0 = wide(particle_end[i[0]]) - x0
+        u1 = wide(particle_end[i[1]]) - x1
+        u2 = wide(particle_end[i[2]]) - x2
+        u3 = wide(particle_end[i[3]]) - x3
         t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
         if not t < wp.float64(1.0):
             continue
-        held = int(0)
+        changed = int(0)
+        with_whom = int(-1)
         for m in range(4):
+            with_whom = wp.max(with_whom, carrier[i[m]])
             f = fraction[i[m]]
             if particle_inv_mass[i[m]] > real(0.0) and f > wp.float64(0.0):
                 g = wp.float64(0.9) * t * f
                 if g < wp.float64(0.02):
                     g = wp.float64(0.0)
                 wp.atomic_min(fraction_out, i[m], g)
-                held += 1
-        if held > 0:
-            wp.atomic_add(held_back_out, 0, held)
+                changed += 1
+        if changed == 0 and with_whom >= 0:
+            for m in range(4):
+                if particle_inv_mass[i[m]] > real(0.0) and carrier[i[m]] < 0:
+                    wp.atomic_max(carrier_out, i[m], with_whom)
+                    changed += 1
+        if changed > 0:
+            wp.atomic_add(held_back_out, 0, changed)
         else:
             wp.atomic_add(counts_out, 1, 1)
+
+
+@wp.kernel
+def limit_by_shapes(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    particle_radius: wp.array(dtype=real),
+    shapes: Shapes,
+    # State in
+    particle_end: wp.array(dtype=vec3),
+    fraction: wp.array(dtype=wp.float64),
+    carrier: wp.array(dtype=wp.int32),
+    place: wp.array(dtype=Placement),
+    # Out
+    fraction_out: wp.array(dtype=wp.float64),
+    carrier_out: wp.array(dtype=wp.int32),
+    held_back_out: wp.array(dtype=wp.int32),
+):
+    """The same for held-back particles and spheres, capsules, boxes and planes, which are more than their edges.
+
+    Where they end is at least half of the contact distance away, as far as the start was.
+    """
+    i = wp.tid()
+    f = fraction[i]
+    if f == wp.float64(1.0) or particle_inv_mass[i] == real(0.0):
+        return
+    w = particle_world[i]
+    for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
+        if shapes.kind[s] != MESH:
+            here = distance(shapes.kind[s], shapes.size[s], to_local(place[s], particle_end[i]))
+            if here[3] < real(0.5) * (particle_radius[i] + shapes.thickness[s]):
+                if f > wp.float64(0.0):
+                    fraction_out[i] = wp.float64(0.0)
+                    wp.atomic_add(held_back_out, 0, 1)
+                elif shapes.track[s] >= 0 and carrier[i] < 0:
+                    carrier_out[i] = s
+                    wp.atomic_add(held_back_out, 0, 1)
 
 
 @wp.kernel
 def apply_limit(
     # State in
     particle_from: wp.array(dtype=vec3),
+    particle_end: wp.array(dtype=vec3),
     fraction: wp.array(dtype=wp.float64),
+    carrier: wp.array(dtype=wp.int32),
+    place_from: wp.array(dtype=Placement),
+    place_to: wp.array(dtype=Placement),
+    span: wp.float64,
     # Out
     particle_q_out: wp.array(dtype=vec3),
     particle_qd_out: wp.array(dtype=vec3),
@@ -108,7 +256,8 @@ def apply_limit(
     i = wp.tid()
     f = fraction[i]
     if f < wp.float64(1.0):
-        x = wide(particle_from[i])
-        particle_q_out[i] = narrow(x + f * (wide(particle_q_out[i]) - x))
-        particle_qd_out[i] = real(f) * particle_qd_out[i]
+        x = particle_from[i]
+        carried = wide(home_of(x, carrier[i], place_from, place_to)) - wide(x)
+        particle_q_out[i] = particle_end[i]
+        particle_qd_out[i] = narrow(f * wide(particle_qd_out[i]) + ((wp.float64(1.0) - f) / span) * carried)
         wp.atomic_add(counts_out, 0, 1)

@@ -107,11 +107,10 @@ def apart(a: Box, low: wp.vec3, high: wp.vec3):
 def add_pair(
     kind: int, i: wp.vec4i, start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), rest: wp.array(dtype=vec3),
     radius: wp.array(dtype=real), body: wp.array(dtype=wp.int32), margin: wp.float64, cloth_particles: int,
-    together: int, leeway: wp.float64, pairs: Pairs,
+    leeway: wp.float64, pairs: Pairs,
 ):  # fmt: skip
-    """Adds the pair if it can come within ``margin`` while its points move from start to end.
+    """Adds the pair if it can come within ``margin`` while its points move from start to end, all at the same time.
 
-    With ``together`` they move at the same time, so that only relative motion counts; else each in its own proportion.
     With a ``leeway`` below 1 the closest points are taken along their way, and of other motion only that share counts.
     """
     x0 = wide(start[i[0]])
@@ -125,12 +124,11 @@ def add_pair(
     u1 = wide(end[i[1]]) - x1
     u2 = wide(end[i[2]]) - x2
     u3 = wide(end[i[3]]) - x3
-    if together == 1:
-        mean = wp.float64(0.25) * (u0 + u1 + u2 + u3)
-        u0 -= mean
-        u1 -= mean
-        u2 -= mean
-        u3 -= mean
+    mean = wp.float64(0.25) * (u0 + u1 + u2 + u3)
+    u0 -= mean
+    u1 -= mean
+    u2 -= mean
+    u3 -= mean
     first = wp.length(u0)
     second = wp.max(wp.length(u2), wp.length(u3))
     if kind == 0:
@@ -221,7 +219,6 @@ def find_pairs(
     tri_active: wp.array(dtype=wp.int32),
     margin: wp.float64,
     cloth_particles: int,
-    together: int,
     leeway: wp.float64,
     # Out
     pairs_out: Pairs,
@@ -255,5 +252,5 @@ def find_pairs(
             if not ways_apart(kind, i, particle_from, particle_to, wp.float32(margin)):
                 add_pair(
                     kind, i, particle_from, particle_to, particle_rest, particle_radius, particle_body, margin,
-                    cloth_particles, together, leeway, pairs_out,
+                    cloth_particles, leeway, pairs_out,
                 )  # fmt: skip

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import warpcloth as wc
-from warpcloth.contact import ContactStage
+from warpcloth.contact import ContactStage, cloth_contact
 from warpcloth.contact.intervals import intervals_needed
 from warpcloth.errors import BadStartError, DivergedError, StabilityWarning
 from warpcloth.intersections import count_intersections, intersections
@@ -246,6 +246,27 @@ def test_impacts_bring_cloth_to_the_obstacles_speed():
     assert cloths.metrics()["contact_pinched"] == 0
     assert x[:, 2].min() > 0.01  # in front of the bat
     assert np.abs(v[:, 2] - 6.0).max() < 0.06
+
+
+@pytest.mark.filterwarnings("ignore::warpcloth.errors.ContactWarning")
+@pytest.mark.parametrize("shape", ["mesh", "box", "sphere"])
+def test_where_parting_does_not_end_cloth_is_carried_by_what_moves(shape, monkeypatch):
+    """With no rounds of parting all is up to the guard, and standing still is no way out of an obstacle's way."""
+    monkeypatch.setattr(cloth_contact, "ROUNDS", 0)
+    turning = wc.Motion([0, 0.3], [[0, 0, 0], [0.2, 0, 1.5]], [[0, 0, 0], [2.0, 1.0, 3.0]])
+    tetra = 0.2 * np.array([[0, 0, 1], [0.9, 0, -0.5], [-0.5, 0.8, -0.5], [-0.5, -0.8, -0.5]]) - [0, 0, 0.25]
+    obstacle = {
+        "mesh": wc.MeshObstacle(tetra, [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]], motion=turning),
+        "box": wc.Box((0, 0, -0.15), (0.2, 0.15, 0.1), motion=turning),
+        "sphere": wc.Sphere((0, 0, -0.15), 0.1, motion=turning),
+    }[shape]
+    upper = sheet("upper", 10, transform=tilted(0.03, 0.4), velocity=(0, 0, -6))
+    sim = touching(wc.Model.build([sheet("lower", 12), upper], obstacle), "xpbd", (0, 0, 0), 30)
+    assert_never_intersects(sim, 20)
+    found = sim.metrics()
+    assert found["contact_held"] > 0
+    assert found["contact_pinched"] == 0
+    assert found["max_penetration_m"] <= 1e-4
 
 
 def test_torn_cloth_names_its_world():

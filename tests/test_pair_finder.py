@@ -51,7 +51,7 @@ def look(finder, pairs, surface, start, end, fans=True) -> set[tuple[int, ...]]:
     while True:
         finder.look_at_fans(*arrays, finder.everything)
         finder.measure_drift(*arrays)
-        finder.find(pairs, *arrays, finder.everything, MARGIN, finder.flat if fans else finder.none, together=1)
+        finder.find(pairs, *arrays, finder.everything, MARGIN, finder.flat if fans else wp.zeros_like(finder.flat))
         if not finder.grow():
             return listed(pairs)
 

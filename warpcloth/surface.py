@@ -48,6 +48,7 @@ class Surface:
         particle_count, cloth_particles, tri_count, cloth_tris: numbers of all, and of those of cloth.
         inv_mass [1/kg], radius [m], friction, world, body, rest [m]: of all particles; ``body`` numbers
             cloths and obstacles.
+        point_shape: which of the model's shapes each obstacle vertex, after the cloths' particles, belongs to.
         tri_indices, tri_owned: corners of each triangle, and which vertices and edges it answers for.
         thickest: greatest sum of a cloth's and another body's radius [m]. edge: median edge of the cloths [m].
     """
@@ -66,7 +67,7 @@ class Surface:
         self.radius = joined(model.particle_radius, [solid.obstacle.thickness for solid in solids], model.real)
         self.friction = joined(model.particle_friction, [solid.obstacle.friction for solid in solids], model.real)
         self.world = joined(model.particle_world, [solid.world for solid in solids], wp.int32)
-        self._shape = model.array(np.repeat(np.array([s.shape for s in solids], np.int32), self._sizes), wp.int32)
+        self.point_shape = model.array(np.repeat(np.array([s.shape for s in solids], np.int32), self._sizes), wp.int32)
         self._local = model.array(np.concatenate([np.zeros((0, 3)), *(s.local for s in solids)]), wp.vec3)
         self.rest = model.array(np.concatenate([model.particle_q.numpy(), *(s.rest for s in solids)]), model.vec3)
         sizes = [*(cloth.stop - cloth.start for cloth in model.cloths), *self._sizes]
@@ -109,7 +110,7 @@ class Surface:
         wp.launch(
             self.model.kernels.contact_pairs.place_points,
             dim=extra,
-            inputs=[self.cloth_particles, self._shape, self._local, placements],
+            inputs=[self.cloth_particles, self.point_shape, self._local, placements],
             outputs=[out],
             device=self.model.device,
         )

@@ -16,6 +16,7 @@ from ..model import Model
 from ..obstacles import Obstacle
 from ..state import State
 from ..surface import Surface, median_edge
+from .hold import Hold
 from .intervals import intervals_needed
 from .pair_finder import PairFinder
 from .pair_list import PairList, loop_width
@@ -50,14 +51,12 @@ class ClothContact:
         self.start, self.before, self.now = (self.surface.positions() for _ in range(3))
         self.move, self.kick = (wp.zeros((n, 3), dtype=wp.int64, device=device) for _ in range(2))
         self.share = wp.zeros(n, dtype=wp.int64, device=device)
-        self.fraction, self.next_fraction = (wp.ones(n, dtype=wp.float64, device=device) for _ in range(2))
         self.torn = wp.zeros(model.world_count, dtype=wp.int32, device=device)
-        self.held_back, self.impacts, self.remaining, self.rounds = (
-            wp.zeros(1, dtype=wp.int32, device=device) for _ in range(4)
-        )
+        self.impacts, self.remaining, self.rounds = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(3))
         self.counts, self.counts_before = (wp.zeros(4, dtype=wp.int32, device=device) for _ in range(2))
         self.finder, self.width = PairFinder(model, self.surface), loop_width(device)
         self.met = wp.zeros(n, dtype=wp.int32, device=device)
+        self.hold = Hold(model, self.surface, self.finder, self.swept, SEPARATION)
 
     def intervals(self, dt: float) -> int:
         """Intervals in a frame of dt [s]: as many as the world with the fastest obstacles and finest cloth needs."""
@@ -75,10 +74,11 @@ class ClothContact:
         model.shapes.place(model.tracks, state.world_time, 0.0)
         surface.place(state.particle_q, model.shapes.end, self.now)
         wp.copy(self.start, self.now)
+        self.hold.begin()
         finder, reach = self.finder, REACH * surface.thickest
         finder.look_at_fans(self.start, self.start, finder.everything)
         finder.measure_drift(self.start, self.before)
-        finder.find(self.near, self.start, self.before, finder.everything, reach, finder.flat, 1, LEEWAY)
+        finder.find(self.near, self.start, self.before, finder.everything, reach, finder.flat, LEEWAY)
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``; obstacles have been placed."""
@@ -107,14 +107,9 @@ class ClothContact:
         self.met.fill_(1)
         self.finder.measure_drift(self.start, self.now)
         wp.capture_while(self.impacts, self._part, state=state, span=span)
-        self.fraction.fill_(1.0)
-        self.next_fraction.fill_(1.0)
-        wp.copy(self.held_back, self.remaining)
-        wp.capture_while(self.held_back, self._hold_back)
-        self._launch(
-            self.kernels.contact_guard.apply_limit, model.particle_count,
-            [self.start, self.fraction],
-            [state.particle_q, state.particle_qd, self.counts],
+        wp.capture_if(
+            self.remaining, self.hold.run, state=state, span=span, start=self.start, now=self.now, met=self.met,
+            counts=self.counts,
         )  # fmt: skip
 
     def remember(self) -> None:
@@ -166,7 +161,7 @@ class ClothContact:
         """
         swept, surface, kernels = self.swept, self.surface, self.kernels
         self.finder.look_at_fans(self.start, self.now, self.met)
-        self.finder.find(swept, self.start, self.now, self.met, 2.0 * SEPARATION, self.finder.flat, together=1)
+        self.finder.find(swept, self.start, self.now, self.met, 2.0 * SEPARATION, self.finder.flat)
         self.impacts.zero_()
         self.met.zero_()
         self._launch(
@@ -218,21 +213,6 @@ class ClothContact:
             self.kernels.contact_response.commit_push, self.model.particle_count, [],
             [state.particle_q, state.particle_qd, self.move, self.kick, self.share],
         )  # fmt: skip
-
-    def _hold_back(self) -> None:
-        """One round of the guard; it goes on while any particle had to be held back further.
-
-        How far each goes is not known, so no fan can be taken for flat, and no pair be told by its relative motion.
-        """
-        finder = self.finder
-        finder.find(self.swept, self.start, self.now, finder.everything, 2.0 * SEPARATION, finder.none, together=0)
-        self.held_back.zero_()
-        self._launch(
-            self.kernels.contact_guard.limit_motion, self.width,
-            [self.surface.inv_mass, self.swept.pairs, SEPARATION, self.width, self.start, self.now, self.fraction],
-            [self.next_fraction, self.held_back, self.counts],
-        )  # fmt: skip
-        wp.copy(self.fraction, self.next_fraction)
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
         wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)

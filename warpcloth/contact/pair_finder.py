@@ -17,7 +17,7 @@ class PairFinder:
     """Lists pairs of points and triangles, and of edges, that can come near each other between two sets of positions.
 
     Attributes:
-        flat, none: masks of fans, shape [particle_count].
+        flat: a mask of fans, shape [particle_count].
         everything: a mask of all particles of the surface.
     """
 
@@ -43,25 +43,25 @@ class PairFinder:
         self.fan_start, self.fan_turns = model.array(fans.start, wp.int32), model.array(fans.turns, wp.int32)
         self.fan_spokes = model.array(fans.spokes, wp.vec2i)
         self.shared = model.array(fans.shared, wp.vec4i)
-        self.flat, self.none = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(2))
+        self.flat = wp.zeros(n, dtype=wp.int32, device=device)
 
     def find(
         self, target: PairList, start: wp.array, end: wp.array, active: wp.array, margin: float, flat: wp.array,
-        together: int, leeway: float = 1.0,
+        leeway: float = 1.0,
     ) -> None:  # fmt: skip
         """Fills ``target`` with the pairs that can come within ``margin`` [m] on the way from start to end.
+
+        All move at the same time, so that only relative motion counts; :meth:`measure_drift` comes first.
 
         Args:
             start, end: positions of all particles of the surface [m].
             active: mask of particles; pairs of two triangles without any are left out.
             flat: which fans need not be looked at; see :meth:`look_at_fans`.
-            together: 1 if all move at the same time, so that only relative motion counts, 0 if each at its own; if 1,
-                :meth:`measure_drift` comes first.
             leeway: how much of the motion within a pair counts beside that of its closest points: less than all of it
                 leaves out pairs that could meet, but hardly will.
         """
         surface = self.surface
-        end = self._without_drift(end) if together else end
+        end = self._without_drift(end)
         self._bound(start, end, active, 0.5 * margin)
         wp.capture_if(self.any_moved, on_true=self._renew_known, on_false=self._reuse_known)
         self._launch(self.kernels.contact_fans.add_fan_pairs, len(self.shared), [self.shared, flat], [self.found])
@@ -71,7 +71,7 @@ class PairFinder:
             [
                 surface.tri_indices, surface.tri_owned, surface.body, surface.radius, surface.rest, self.width,
                 self.found, start, end, self.lower, self.upper, self.tri_active, margin, surface.cloth_particles,
-                together, leeway,
+                leeway,
             ],
             [target.pairs],
         )  # fmt: skip

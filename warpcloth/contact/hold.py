@@ -1,0 +1,98 @@
+"""The last resort among cloths: where parting does not end, particles are held back (``kernels/contact_guard.py``)."""
+
+import warp as wp
+
+from ..model import Model
+from ..state import State
+from ..surface import Surface
+from .pair_finder import PairFinder
+from .pair_list import PairList
+
+
+class Hold:
+    """Holds back what would meet in an interval.
+
+    Args:
+        model: the model.
+        surface: all that takes part in contact. finder, swept: find and keep pairs.
+        separation: what is kept between any two [m].
+    """
+
+    def __init__(self, model: Model, surface: Surface, finder: PairFinder, swept: PairList, separation: float):
+        self.model, self.surface, self.finder, self.swept = model, surface, finder, swept
+        self.separation = separation
+        n, device = surface.particle_count, model.device
+        self._end = surface.positions()
+        self._fraction, self._next_fraction = (wp.ones(n, dtype=wp.float64, device=device) for _ in range(2))
+        self._carrier, self._next_carrier, self._active = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(3))
+        self._open = wp.zeros(model.world_count, dtype=wp.int32, device=device)
+        self._changed = wp.zeros(1, dtype=wp.int32, device=device)
+        self._place_from = wp.zeros_like(model.shapes.end)
+
+    def begin(self) -> None:
+        """Notes where obstacles are at the start of an interval; they have been placed."""
+        if self.model.shapes.count > 0:
+            wp.copy(self._place_from, self.model.shapes.end)
+
+    def run(
+        self, state: State, span: float, start: wp.array, now: wp.array, met: wp.array, counts: wp.array
+    ) -> None:  # fmt: skip
+        """Changes ``state``, the end of an interval of ``span`` [s], so that nothing meets.
+
+        Args:
+            state: the end. span: length of the interval [s].
+            start, now: positions of the surface at both ends [m].
+            met: particles that meet; only their worlds are looked at.
+            counts: to which the numbers of particles held back and of pinched pairs are added.
+        """
+        model, surface, kernels = self.model, self.surface, self.model.kernels.contact_guard
+        self._open.zero_()
+        self._launch(kernels.open_worlds, surface.particle_count, [surface.world, met], [self._open])
+        self._launch(
+            kernels.let_go, surface.particle_count,
+            [surface.world, surface.point_shape, model.shapes.shapes, surface.cloth_particles, self._open],
+            [self._active, self._fraction, self._carrier],
+        )  # fmt: skip
+        wp.copy(self._next_fraction, self._fraction)
+        wp.copy(self._next_carrier, self._carrier)
+        self._changed.fill_(1)
+        wp.capture_while(self._changed, self._round, start=start, now=now, counts=counts)
+        self._launch(
+            kernels.apply_limit, model.particle_count,
+            [start, self._end, self._fraction, self._carrier, self._place_from, model.shapes.end, span],
+            [state.particle_q, state.particle_qd, counts],
+        )  # fmt: skip
+
+    def _round(self, start: wp.array, now: wp.array, counts: wp.array) -> None:
+        """One round; it goes on while any particle had to be held back further, or was taken along."""
+        model, surface, finder, kernels = self.model, self.surface, self.finder, self.model.kernels.contact_guard
+        shapes = model.shapes
+        self._launch(
+            kernels.find_ends, surface.particle_count,
+            [surface.cloth_particles, start, now, self._fraction, self._carrier, self._place_from, shapes.end],
+            [self._end],
+        )  # fmt: skip
+        finder.look_at_fans(start, self._end, self._active)
+        finder.find(self.swept, start, self._end, self._active, 2.0 * self.separation, finder.flat)
+        self._changed.zero_()
+        self._launch(
+            kernels.limit_motion, finder.width,
+            [
+                surface.inv_mass, self.swept.pairs, self.separation, finder.width, start, self._end, self._fraction,
+                self._carrier,
+            ],
+            [self._next_fraction, self._next_carrier, self._changed, counts],
+        )  # fmt: skip
+        self._launch(
+            kernels.limit_by_shapes, model.particle_count,
+            [
+                surface.inv_mass, surface.world, surface.radius, shapes.shapes, self._end, self._fraction,
+                self._carrier, shapes.end,
+            ],
+            [self._next_fraction, self._next_carrier, self._changed],
+        )  # fmt: skip
+        wp.copy(self._fraction, self._next_fraction)
+        wp.copy(self._carrier, self._next_carrier)
+
+    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
