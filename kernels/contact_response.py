@@ -15,6 +15,10 @@ wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 # depends neither on the tree's shape, nor on the other worlds, nor on the device's threads.
 MOVE_UNIT = wp.constant(wp.float64(2.0**50))  # per metre: up to 8 km by 1e-15 m
 KICK_UNIT = wp.constant(wp.float64(2.0**40))  # per m/s: up to 8e6 m/s by 1e-12 m/s
+
+# [s] in which contacts give back depth that no velocity has brought them. All of it at once puts energy into cloth
+# that is hit: with steps of 18 µs sheets gained a third of what they had, with this they lose as much as they should.
+RECOVERY = wp.constant(wp.float64(5.0e-4))
 SHARE_UNIT = wp.constant(wp.float64(2.0**40))
 
 
@@ -106,6 +110,17 @@ def find_contacts(
             add_share(share_out, i, w)
 
 
+@wp.func
+def rubbed(moved: wp.vec3d, n: wp.vec3d, most: wp.float64, part: wp.float64):
+    """What friction takes from the tangential part of a relative motion: no more than ``most``."""
+    tangential = moved - wp.dot(moved, n) * n
+    slip = part * wp.length(tangential)
+    share = wp.float64(0.0)
+    if slip > wp.float64(0.0):
+        share = part * wp.min(most / slip, wp.float64(1.0))
+    return share * tangential
+
+
 @wp.kernel
 def push_contacts(
     # Model
@@ -116,6 +131,7 @@ def push_contacts(
     # State in
     particle_start: wp.array(dtype=vec3),
     particle_q: wp.array(dtype=vec3),
+    particle_free: wp.array(dtype=vec3),
     dt: wp.float64,
     weights: wp.array(dtype=wp.vec4d),
     normal: wp.array(dtype=wp.vec3d),
@@ -129,9 +145,12 @@ def push_contacts(
 
     All pairs act at once (Jacobi), each by the part that keeps them together from overshooting: its diagonal over the
     sum of its row in the contact matrix J M⁻¹ Jᵀ. As it is one number for all four particles, momentum is conserved.
-    A pair's part of the depth goes to the positions and, as far as the pair approached in this step, over dt to the
-    velocities: contact stops what comes, but throws nothing back. Friction takes up to μ times that push from the
-    tangential displacement. (Measured on a pile of four sheets at rest, root mean square velocity that the positions do
+    A pair's part of the depth goes to the positions, at once as far as the pair approached in this step, and later
+    what is left. Velocities lose the approach, over dt: contact stops what comes, but throws nothing back. For them
+    ``particle_free`` counts: where particles would be had they been moved by velocities only. What other contacts of
+    the same step did to positions is not an approach. (Counted as such it drove sheets thrown together apart, the more
+    the shorter the steps: to 60 times their energy with steps of 14 µs.) Friction takes up to μ times the push from
+    the tangential motion. (Measured on a pile of four sheets at rest, root mean square velocity that the positions do
     not have: 0.12 m/s with the part of the approach instead, 0.012 m/s so.)
     """
     for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
@@ -148,15 +167,12 @@ def push_contacts(
         moved = relative_motion(particle_start, particle_q, i, w)
         depth_share = part * depth[k]
         push = wp.min(depth_share, wp.max(-wp.dot(moved, n), zero))
-        tangential = moved - wp.dot(moved, n) * n
-        slip = wp.length(tangential)
         friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
-        lost = zero
-        if slip > zero:
-            lost = wp.min(friction * push / (part * slip), wp.float64(1.0))
-        slide = (lost * part) * tangential
-        kick = (push * n - slide) / (effective * dt)
-        move = (depth_share * n - slide) / effective
+        carried = relative_motion(particle_start, particle_free, i, w)
+        stop = wp.min(depth_share, wp.max(-wp.dot(carried, n), zero))
+        kick = (stop * n - rubbed(carried, n, friction * stop, part)) / (effective * dt)
+        out = push + wp.min(dt / RECOVERY, wp.float64(1.0)) * (depth_share - push)
+        move = (out * n - rubbed(moved, n, friction * push, part)) / effective
         for m in range(4):
             c = w[m] * wp.float64(particle_inv_mass[i[m]])
             add_fixed(move_out, i[m], c * move, MOVE_UNIT)
@@ -165,18 +181,23 @@ def push_contacts(
 
 @wp.kernel
 def commit_push(
+    # Model
+    dt: wp.float64,
     # Out
     particle_q_out: wp.array(dtype=vec3),
     particle_qd_out: wp.array(dtype=vec3),
     move_out: wp.array2d(dtype=wp.int64),
     kick_out: wp.array2d(dtype=wp.int64),
     share_out: wp.array(dtype=wp.int64),
+    particle_free_out: wp.array(dtype=vec3),
 ):
-    """Adds what the contacts ask for, and clears the sums for the next round."""
+    """Adds what the contacts ask for, over dt [s], and clears the sums for the next round."""
     i = wp.tid()
     if share_out[i] > wp.int64(0):
         particle_q_out[i] = narrow(wide(particle_q_out[i]) + from_fixed(move_out, i, MOVE_UNIT))
-        particle_qd_out[i] = narrow(wide(particle_qd_out[i]) + from_fixed(kick_out, i, KICK_UNIT))
+        kick = from_fixed(kick_out, i, KICK_UNIT)
+        particle_qd_out[i] = narrow(wide(particle_qd_out[i]) + kick)
+        particle_free_out[i] = narrow(wide(particle_free_out[i]) + dt * kick)
         share_out[i] = wp.int64(0)
         for m in range(3):
             move_out[i, m] = wp.int64(0)

@@ -1,6 +1,7 @@
 """Energy and rest: contact adds no more energy than obstacles put in, and what lies stays where it lies."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,6 +45,28 @@ def test_a_drop_of_cloth_on_cloth_adds_no_energy(name, substeps):
     cloths = [sheet(0.1, 0.2, "lower", 0.18, 7), sheet(0.13, 0.6, "upper", 0.18, 7)]
     model = wc.Model.build(cloths, wc.Plane(), precision="float64")
     assert_energy_only_falls(wc.Simulation(model, name, substeps=substeps, contact="all"), 45)
+
+
+@pytest.mark.parametrize("name", ["symplectic_euler", "xpbd"])
+def test_layers_thrown_together_lose_energy_and_as_much_at_any_step(name):
+    """Three sheets hit a hanging one at 8 m/s, more at once than one exchange of impulses can stop."""
+    fabric = replace(FABRIC, stretch_stiffness=300.0, shear_stiffness=60.0, thickness=0.0025)
+    bed = wc.Cloth.grid((0.3, 0.3), (11, 11), fabric, pins=["left", "right"])
+    falling = [
+        replace(sheet(0.03 + 0.03 * k, 0.4 * (k + 1), f"layer {k}"), fabric=fabric, velocity=(0, 0, -8.0))
+        for k in range(3)
+    ]
+    model, ends = wc.Model.build([bed, *falling]), []
+    for substeps in (150, 600):
+        sim = wc.Simulation(model, name, substeps=substeps, contact="all")
+        energies = [sim.energy()["total"]]
+        for _ in range(5):
+            sim.step(1.0 / 60.0)
+            energies.append(sim.energy()["total"])
+        assert np.diff(energies).max() < 0.0
+        ends.append(energies[-1] / energies[0])
+    assert ends[0] == pytest.approx(ends[1], abs=0.1)
+    assert ends[0] < 0.5
 
 
 @pytest.mark.parametrize("speed", [1.0, 6.0])

@@ -48,7 +48,7 @@ class ClothContact:
         self._worlds = self._edges_and_obstacles()
         self.near = PairList(model, 2 * tris)
         self.swept = PairList(model, 2 * tris)
-        self.start, self.before, self.now = (self.surface.positions() for _ in range(3))
+        self.start, self.before, self.now, self.free = (self.surface.positions() for _ in range(4))
         self.move, self.kick = (wp.zeros((n, 3), dtype=wp.int64, device=device) for _ in range(2))
         self.share = wp.zeros(n, dtype=wp.int64, device=device)
         self.torn = wp.zeros(model.world_count, dtype=wp.int32, device=device)
@@ -86,9 +86,10 @@ class ClothContact:
         wp.copy(self.before, self.now)
         wp.copy(self.before, state_in.particle_q, count=model.particle_count)
         surface.place(state_out.particle_q, model.shapes.end, self.now)
+        wp.copy(self.free, self.now)
         for _ in range(PASSES):
             self._push_apart(dt)
-            self._commit(state_out)
+            self._commit(state_out, dt)
             wp.copy(self.now, state_out.particle_q, count=model.particle_count)
 
     def end(self, state: State, span: float) -> None:
@@ -183,7 +184,7 @@ class ClothContact:
             ],
             [self.move, self.kick],
         )  # fmt: skip
-        self._commit(state)
+        self._commit(state, span)
         self._launch(
             kernels.contact_impact.keep_out, self.model.particle_count,
             [surface.world, surface.radius, self.model.shapes.shapes, self.now, self.model.shapes.end],
@@ -202,16 +203,16 @@ class ClothContact:
         self._launch(
             kernels.push_contacts, self.width,
             [
-                surface.inv_mass, surface.friction, near.pairs, self.width, self.before, self.now, dt, near.weights,
-                near.normal, near.depth, self.share,
+                surface.inv_mass, surface.friction, near.pairs, self.width, self.before, self.now, self.free, dt,
+                near.weights, near.normal, near.depth, self.share,
             ],
             [self.move, self.kick],
         )  # fmt: skip
 
-    def _commit(self, state: State) -> None:
+    def _commit(self, state: State, dt: float) -> None:
         self._launch(
-            self.kernels.contact_response.commit_push, self.model.particle_count, [],
-            [state.particle_q, state.particle_qd, self.move, self.kick, self.share],
+            self.kernels.contact_response.commit_push, self.model.particle_count, [dt],
+            [state.particle_q, state.particle_qd, self.move, self.kick, self.share, self.free],
         )  # fmt: skip
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
