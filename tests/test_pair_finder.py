@@ -88,7 +88,7 @@ def test_a_second_look_at_what_changed_is_enough(finder, seed, share):
         active = finder.everything if again else wp.array(mask, dtype=wp.int32, device="cpu")
         start, end = placed(surface, a), placed(surface, c)
         finder.look_at_fans(start, end, active)
-        finder.find(pairs, start, end, active, MARGIN, finder.flat, together=1)
+        finder.find(pairs, start, end, active, MARGIN, finder.flat)
         found.append(listed(pairs))
     of_changed = {pair for pair in found[1] if mask[list(pair[1:])].any()}
     assert of_changed <= found[0] <= found[1]
