@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import trimesh
 from pydantic import field_validator
 
 from warpcloth import obstacles
@@ -146,6 +145,8 @@ class LatheTable(ObstacleTable):
         return outline
 
     def shaped(self, folder: Path, common: dict[str, Any]) -> obstacles.MeshObstacle:
+        import trimesh  # takes half a second, which scenes without need not wait for
+
         outline = np.array([*self.outline, self.outline[0]])
         mesh = trimesh.creation.revolve(outline, sections=self.segments)
         if mesh.volume < 0.0:

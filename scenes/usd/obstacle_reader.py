@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import trimesh
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from ...errors import UsdError
@@ -124,10 +123,12 @@ def _placed(
     return MeshObstacle(points, triangles, sample_times=seconds, sample_points=baked, **common)
 
 
-def _solid(shape: UsdGeom.Gprim, make: Callable[..., Any], origin: float, common: dict[str, Any]) -> MeshObstacle:
-    """A cylinder or cone as a mesh."""
+def _solid(shape: UsdGeom.Gprim, make: str, origin: float, common: dict[str, Any]) -> MeshObstacle:
+    """A cylinder or cone as a mesh, made by the function of that name in ``trimesh.creation``."""
+    import trimesh  # takes half a second, which stages without need not wait for
+
     prim, axis = shape.GetPrim(), COLUMNS[shape.GetAxisAttr().Get()]
-    solid = make(shape.GetRadiusAttr().Get(), shape.GetHeightAttr().Get(), sections=SECTIONS)
+    solid = getattr(trimesh.creation, make)(shape.GetRadiusAttr().Get(), shape.GetHeightAttr().Get(), sections=SECTIONS)
     around = np.array(solid.vertices) - (0.0, 0.0, float(np.mean(solid.bounds[:, 2])))  # trimesh's cone stands at 0
     codes, seconds = _samples(prim, transform_codes(prim), origin)
     points = np.roll(around, axis + 1, axis=1)  # z becomes the axis, and the right hand stays the right hand
@@ -185,7 +186,4 @@ _SHAPES: dict[type[UsdGeom.Gprim], Callable[..., Obstacle]] = {
     UsdGeom.Plane: _plane,
 }
 
-_SOLIDS: dict[type[UsdGeom.Gprim], Callable[..., Any]] = {
-    UsdGeom.Cylinder: trimesh.creation.cylinder,
-    UsdGeom.Cone: trimesh.creation.cone,
-}
+_SOLIDS: dict[type[UsdGeom.Gprim], str] = {UsdGeom.Cylinder: "cylinder", UsdGeom.Cone: "cone"}
