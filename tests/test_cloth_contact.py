@@ -128,8 +128,7 @@ def test_lists_that_are_too_short_grow_and_lose_nothing():
         model = wc.Model.build([sheet("a", 10, transform=tilted(0.02, 0.3)), sheet("b", 10)], [wc.Plane((0, 0, -0.05))])
         sim = touching(model, substeps=40)
         if capacity is not None:
-            for pairs in (sim.contact.cloths.near, sim.contact.cloths.swept):
-                pairs._allocate(capacity)
+            sim.contact.cloths.pairs._allocate(capacity)
         sim.run(20)
         return sim.state.particle_q.numpy()
 

@@ -35,7 +35,7 @@ class ClothContact:
     """Contact among all cloths and mesh obstacles of each world.
 
     Attributes:
-        near, swept: pairs for the response and for the guard.
+        pairs: those that are near, for the response; at the end of an interval those that may meet, for the guard.
         counts: how many particles the guard has held back, and how many pairs it could not keep apart as neither side
             was free to stop; since the beginning.
     """
@@ -46,8 +46,7 @@ class ClothContact:
         self.surface = Surface(model)
         n, tris, device = self.surface.particle_count, self.surface.tri_count, model.device
         self._worlds = self._edges_and_obstacles()
-        self.near = PairList(model, 2 * tris)
-        self.swept = PairList(model, 2 * tris)
+        self.pairs = PairList(model, max(64, tris // 2))
         self.start, self.before, self.now, self.free = (self.surface.positions() for _ in range(4))
         self.move, self.kick = (wp.zeros((n, 3), dtype=wp.int64, device=device) for _ in range(2))
         self.share = wp.zeros(n, dtype=wp.int64, device=device)
@@ -56,7 +55,7 @@ class ClothContact:
         self.counts, self.counts_before = (wp.zeros(4, dtype=wp.int32, device=device) for _ in range(2))
         self.finder, self.width = PairFinder(model, self.surface), loop_width(device)
         self.met = wp.zeros(n, dtype=wp.int32, device=device)
-        self.hold = Hold(model, self.surface, self.finder, self.swept, SEPARATION)
+        self.hold = Hold(model, self.surface, self.finder, self.pairs, SEPARATION)
 
     def intervals(self, dt: float) -> int:
         """Intervals in a frame of dt [s]: as many as the world with the fastest obstacles and finest cloth needs."""
@@ -78,7 +77,7 @@ class ClothContact:
         finder, reach = self.finder, REACH * surface.thickest
         finder.look_at_fans(self.start, self.start, finder.everything)
         finder.measure_drift(self.start, self.before)
-        finder.find(self.near, self.start, self.before, finder.everything, reach, finder.flat, LEEWAY)
+        finder.find(self.pairs, self.start, self.before, finder.everything, reach, finder.flat, LEEWAY)
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``; obstacles have been placed."""
@@ -130,7 +129,7 @@ class ClothContact:
                 'frame; use substeps="auto", more substeps, or an implicit integrator.',
                 tuple(np.flatnonzero(torn).tolist()),
             )
-        short = any([self.near.grow(), self.swept.grow(), self.finder.grow()])
+        short = any([self.pairs.grow(), self.finder.grow()])
         if short:
             wp.copy(self.counts, self.counts_before)
         return short
@@ -160,18 +159,18 @@ class ClothContact:
 
         After the first, only what met in the round before can have changed, and is looked at.
         """
-        swept, surface, kernels = self.swept, self.surface, self.kernels
+        found, surface, kernels = self.pairs, self.surface, self.kernels
         self.finder.look_at_fans(self.start, self.now, self.met)
-        self.finder.find(swept, self.start, self.now, self.met, 2.0 * SEPARATION, self.finder.flat)
+        self.finder.find(found, self.start, self.now, self.met, 2.0 * SEPARATION, self.finder.flat)
         self.impacts.zero_()
         self.met.zero_()
         self._launch(
             kernels.contact_impact.find_impacts, self.width,
             [
-                surface.inv_mass, swept.pairs, SEPARATION, CLEARANCE, PATIENCE, self.width, self.start, self.now,
+                surface.inv_mass, found.pairs, SEPARATION, CLEARANCE, PATIENCE, self.width, self.start, self.now,
                 self.rounds,
             ],
-            [swept.weights, swept.normal, swept.depth, self.share, self.met, self.impacts],
+            [found.weights, found.normal, found.depth, self.share, self.met, self.impacts],
         )  # fmt: skip
         self._launch(
             kernels.contact_impact.count_round, 1, [ROUNDS], [self.impacts, self.remaining, self.rounds, self.counts]
@@ -179,8 +178,8 @@ class ClothContact:
         self._launch(
             kernels.contact_impact.bounce, self.width,
             [
-                surface.inv_mass, surface.friction, swept.pairs, self.width, self.start, self.now, state.particle_qd,
-                self.model.particle_count, span, swept.weights, swept.normal, swept.depth, self.share, self.impacts,
+                surface.inv_mass, surface.friction, found.pairs, self.width, self.start, self.now, state.particle_qd,
+                self.model.particle_count, span, found.weights, found.normal, found.depth, self.share, self.impacts,
             ],
             [self.move, self.kick],
         )  # fmt: skip
@@ -194,7 +193,7 @@ class ClothContact:
 
     def _push_apart(self, dt: float) -> None:
         """What all contacts at once ask for, on the way from ``before`` to ``now`` of dt [s]."""
-        near, surface, kernels = self.near, self.surface, self.kernels.contact_response
+        near, surface, kernels = self.pairs, self.surface, self.kernels.contact_response
         self._launch(
             kernels.find_contacts, self.width,
             [near.pairs, self.width, self.now],

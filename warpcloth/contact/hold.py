@@ -14,12 +14,12 @@ class Hold:
 
     Args:
         model: the model.
-        surface: all that takes part in contact. finder, swept: find and keep pairs.
+        surface: all that takes part in contact. finder, pairs: find and keep what may meet.
         separation: what is kept between any two [m].
     """
 
-    def __init__(self, model: Model, surface: Surface, finder: PairFinder, swept: PairList, separation: float):
-        self.model, self.surface, self.finder, self.swept = model, surface, finder, swept
+    def __init__(self, model: Model, surface: Surface, finder: PairFinder, pairs: PairList, separation: float):
+        self.model, self.surface, self.finder, self.pairs = model, surface, finder, pairs
         self.separation = separation
         n, device = surface.particle_count, model.device
         self._end = surface.positions()
@@ -73,12 +73,12 @@ class Hold:
             [self._end],
         )  # fmt: skip
         finder.look_at_fans(start, self._end, self._active)
-        finder.find(self.swept, start, self._end, self._active, 2.0 * self.separation, finder.flat)
+        finder.find(self.pairs, start, self._end, self._active, 2.0 * self.separation, finder.flat)
         self._changed.zero_()
         self._launch(
             kernels.limit_motion, finder.width,
             [
-                surface.inv_mass, self.swept.pairs, self.separation, finder.width, start, self._end, self._fraction,
+                surface.inv_mass, self.pairs.pairs, self.separation, finder.width, start, self._end, self._fraction,
                 self._carrier,
             ],
             [self._next_fraction, self._next_carrier, self._changed, counts],
