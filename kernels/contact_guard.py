@@ -1,9 +1,9 @@
 """The guard: no straight motion of an interval may take a pair through each other; what would is held back.
 
 Held back means: at home, and from there only a fraction of the way to where it would go. Home is where a particle was
-at the start of the interval; but in the way of an obstacle that moves there is no standing still, and home is then
-where that obstacle carries it. Neither takes anything through anything: all that is at home with the same obstacle
-keeps its place within it (Bridson, Fedkiw, Anderson 2002 move impact zones rigidly likewise, by their own momentum).
+at the start of the interval; but in the way of an obstacle or of pins that move there is no standing still, and home
+is then where those carry it. Neither takes anything through anything: all that has the same carrier moves as one.
+(Bridson, Fedkiw, Anderson 2002 move impact zones rigidly likewise, by their own momentum.)
 """
 
 import sys
@@ -12,8 +12,9 @@ import warp as wp
 
 from .closest import time_of_impact
 from .contact_pairs import Pairs, narrow, wide
+from .motion import Tracks, pose_at, rotation_matrix
 from .precision import FORWARD_ONLY, real, vec3
-from .shapes import MESH, Placement, Shapes, distance, to_local, to_world
+from .shapes import MESH, Placement, Shapes, distance, to_local, to_real3, to_world
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
@@ -71,9 +72,7 @@ def open_worlds(
 def let_go(
     # Model
     particle_world: wp.array(dtype=wp.int32),
-    point_shape: wp.array(dtype=wp.int32),
-    shapes: Shapes,
-    cloth_particles: int,
+    own_carrier: wp.array(dtype=wp.int32),
     # State in
     open_world: wp.array(dtype=wp.int32),
     # Out
@@ -81,15 +80,39 @@ def let_go(
     fraction_out: wp.array(dtype=wp.float64),
     carrier_out: wp.array(dtype=wp.int32),
 ):
-    """Before anything is held back: all go all their way; obstacles that move are carried by themselves."""
+    """Before anything is held back: all go all their way; what moves as prescribed is carried by itself."""
     i = wp.tid()
     active_out[i] = open_world[particle_world[i]]
     fraction_out[i] = wp.float64(1.0)
-    carrier_out[i] = -1
-    if i >= cloth_particles:
-        s = point_shape[i - cloth_particles]
-        if shapes.track[s] >= 0:
-            carrier_out[i] = s
+    carrier_out[i] = own_carrier[i]
+
+
+@wp.kernel
+def place_pins(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    pin_particle: wp.array(dtype=wp.int32),
+    pin_track: wp.array(dtype=wp.int32),
+    pin_pivot: wp.array(dtype=wp.vec3d),
+    tracks: Tracks,
+    group_pin: wp.array(dtype=wp.int32),
+    first: int,
+    # State in
+    world_time: wp.array(dtype=wp.float64),
+    # Out
+    place_out: wp.array(dtype=Placement),
+):
+    """Where each group of pins that move together is at the worlds' time, after the ``first`` placements."""
+    g = wp.tid()
+    k = group_pin[g]
+    pose = pose_at(tracks, pin_track[k], world_time[particle_world[pin_particle[k]]])
+    turn = rotation_matrix(pose.rotation)
+    place = Placement()
+    place.position = to_real3(pin_pivot[k] + pose.position - turn * pin_pivot[k])
+    for i in range(3):
+        for j in range(3):
+            place.rotation[i, j] = real(turn[i, j])
+    place_out[first + g] = place
 
 
 @wp.func

@@ -268,6 +268,17 @@ def test_where_parting_does_not_end_cloth_is_carried_by_what_moves(shape, monkey
     assert found["max_penetration_m"] <= 1e-4
 
 
+@pytest.mark.filterwarnings("ignore::warpcloth.errors.ContactWarning")
+def test_where_parting_does_not_end_cloth_is_carried_by_pins(monkeypatch):
+    monkeypatch.setattr(cloth_contact, "ROUNDS", 0)
+    down = wc.Motion([0, 0.3], [[0, 0, 0], [0.1, 0, -1.5]], [[0, 0, 0], [0.5, 1.0, 0.0]])
+    upper = sheet("upper", 10, transform=tilted(0.03, 0.4), pins=wc.pin("left", motion=down))
+    sim = touching(wc.Model.build([sheet("lower", 12), upper]), "xpbd", (0, 0, 0), 30)
+    assert_never_intersects(sim, 15)
+    assert sim.metrics()["contact_held"] > 0
+    assert sim.metrics()["contact_pinched"] == 0
+
+
 def test_torn_cloth_names_its_world():
     model = wc.Model.build_worlds([([sheet(n=4)], []), ([sheet(n=4)], []), ([sheet(n=4)], [])])
     sim = touching(model, integrator="xpbd", gravity=(0, 0, 0), substeps=4)

@@ -73,7 +73,7 @@ class ClothContact:
         model.shapes.place(model.tracks, state.world_time, 0.0)
         surface.place(state.particle_q, model.shapes.end, self.now)
         wp.copy(self.start, self.now)
-        self.hold.begin()
+        self.hold.begin(state)
         finder, reach = self.finder, REACH * surface.thickest
         finder.look_at_fans(self.start, self.start, finder.everything)
         finder.measure_drift(self.start, self.before)

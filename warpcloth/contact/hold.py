@@ -1,5 +1,6 @@
 """The last resort among cloths: where parting does not end, particles are held back (``kernels/contact_guard.py``)."""
 
+import numpy as np
 import warp as wp
 
 from ..model import Model
@@ -27,12 +28,17 @@ class Hold:
         self._carrier, self._next_carrier, self._active = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(3))
         self._open = wp.zeros(model.world_count, dtype=wp.int32, device=device)
         self._changed = wp.zeros(1, dtype=wp.int32, device=device)
-        self._place_from = wp.zeros_like(model.shapes.end)
+        tracks, pins = np.unique(model.moving_pins.track.numpy(), return_index=True)
+        self._group_pin = model.array(pins, wp.int32)
+        self._own_carrier = model.array(self._own_carriers(tracks), wp.int32)
+        carriers = model.shapes.count + len(pins)
+        self._place_from, self._place_to = (
+            wp.zeros(carriers, dtype=model.kernels.shapes.Placement, device=device) for _ in range(2)
+        )
 
-    def begin(self) -> None:
-        """Notes where obstacles are at the start of an interval; they have been placed."""
-        if self.model.shapes.count > 0:
-            wp.copy(self._place_from, self.model.shapes.end)
+    def begin(self, state: State) -> None:
+        """Notes where carriers are at the start of an interval; obstacles have been placed."""
+        self._place(state, self._place_from)
 
     def run(
         self, state: State, span: float, start: wp.array, now: wp.array, met: wp.array, counts: wp.array
@@ -50,16 +56,17 @@ class Hold:
         self._launch(kernels.open_worlds, surface.particle_count, [surface.world, met], [self._open])
         self._launch(
             kernels.let_go, surface.particle_count,
-            [surface.world, surface.point_shape, model.shapes.shapes, surface.cloth_particles, self._open],
+            [surface.world, self._own_carrier, self._open],
             [self._active, self._fraction, self._carrier],
         )  # fmt: skip
         wp.copy(self._next_fraction, self._fraction)
         wp.copy(self._next_carrier, self._carrier)
+        self._place(state, self._place_to)
         self._changed.fill_(1)
         wp.capture_while(self._changed, self._round, start=start, now=now, counts=counts)
         self._launch(
             kernels.apply_limit, model.particle_count,
-            [start, self._end, self._fraction, self._carrier, self._place_from, model.shapes.end, span],
+            [start, self._end, self._fraction, self._carrier, self._place_from, self._place_to, span],
             [state.particle_q, state.particle_qd, counts],
         )  # fmt: skip
 
@@ -69,7 +76,7 @@ class Hold:
         shapes = model.shapes
         self._launch(
             kernels.find_ends, surface.particle_count,
-            [surface.cloth_particles, start, now, self._fraction, self._carrier, self._place_from, shapes.end],
+            [surface.cloth_particles, start, now, self._fraction, self._carrier, self._place_from, self._place_to],
             [self._end],
         )  # fmt: skip
         finder.look_at_fans(start, self._end, self._active)
@@ -87,12 +94,37 @@ class Hold:
             kernels.limit_by_shapes, model.particle_count,
             [
                 surface.inv_mass, surface.world, surface.radius, shapes.shapes, self._end, self._fraction,
-                self._carrier, shapes.end,
+                self._carrier, self._place_to,
             ],
             [self._next_fraction, self._next_carrier, self._changed],
         )  # fmt: skip
         wp.copy(self._fraction, self._next_fraction)
         wp.copy(self._carrier, self._next_carrier)
+
+    def _own_carriers(self, tracks: np.ndarray) -> np.ndarray:
+        """What each particle of the surface is part of: an obstacle that moves, pins that move together, or −1."""
+        model, surface = self.model, self.surface
+        own = np.full(surface.particle_count, -1)
+        shape = surface.point_shape.numpy()
+        own[surface.cloth_particles :] = np.where(model.shapes.shapes.track.numpy()[shape] >= 0, shape, -1)
+        pins = model.moving_pins
+        own[pins.particle.numpy()] = model.shapes.count + np.searchsorted(tracks, pins.track.numpy())
+        return own
+
+    def _place(self, state: State, out: wp.array) -> None:
+        """Where carriers are at the state's time; obstacles have been placed."""
+        model, pins, count = self.model, self.model.moving_pins, self.model.shapes.count
+        if count > 0:
+            wp.copy(out, model.shapes.end, count=count)
+        if len(self._group_pin) > 0:
+            self._launch(
+                self.model.kernels.contact_guard.place_pins, len(self._group_pin),
+                [
+                    model.particle_world, pins.particle, pins.track, pins.pivot, model.tracks, self._group_pin, count,
+                    state.world_time,
+                ],
+                [out],
+            )  # fmt: skip
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
         wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
