@@ -3,7 +3,9 @@
 Held back means: at home, and from there only a fraction of the way to where it would go. Home is where a particle was
 at the start of the interval; but in the way of an obstacle or of pins that move there is no standing still, and home
 is then where those carry it. Neither takes anything through anything: all that has the same carrier moves as one.
-(Bridson, Fedkiw, Anderson 2002 move impact zones rigidly likewise, by their own momentum.)
+(Bridson, Fedkiw, Anderson 2002 move impact zones rigidly likewise, by their own momentum. Tried: those that meet go
+home with the mean motion of all that have met. In tight knots strain fell from 0.9 to 0.2; but such a zone also goes
+into what stands still, and grew to a tenth of the cloth where a ball goes through a curtain.)
 """
 
 import sys
