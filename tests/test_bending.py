@@ -82,7 +82,7 @@ def flat(name: str) -> tuple[np.ndarray, np.ndarray, BendingElements]:
     fabric = wc.Fabric(bending_rigidity=1.0, bend_stiffness=0.0)
     if name == "ragged":
         points, triangles = ragged(cells=12)
-        return points, triangles, mesh_bending(points, triangles, BendingSheet((1.0, 1.0)))
+        return points, triangles, mesh_bending(points, triangles, BendingSheet((1.0, 1.0), 1.0))
     cloth = wc.Cloth.grid((1.0, 1.0), (9, 9), fabric) if name == "grid" else wc.Cloth.disc(0.5, 6, fabric)
     return cloth.points, cloth.triangles, cloth.bending
 
@@ -115,12 +115,30 @@ def test_quadratic_surfaces_have_their_curvature_and_are_in_equilibrium_inside(n
 def test_energy_of_an_inner_piece_is_that_of_the_sheet():
     """½ B κ² per area for a cylinder along either direction, B κ² for a twist (2 B_xy κ_xy²)."""
     points, triangles = ragged(cells=12)
-    elements = mesh_bending(points, triangles, BendingSheet((1.0, 4.0)))
+    elements = mesh_bending(points, triangles, BendingSheet((1.0, 4.0), 2.0))
     x, y = points[:, 0], points[:, 1]
     border = 2.0 * 2.0 / 12.0  # elements at a free border leave out the curvature across it
     for heights, density in ((0.5 * x * x, 0.5), (0.5 * y * y, 2.0), (x * y, 2.0)):
         energy = 0.5 * np.sum(elements.stiffness * scalar(elements, heights) ** 2)
         assert (1.0 - border) * density < energy < density * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0])
+def test_between_the_yarns_cloth_bends_as_its_twist_ratio_says(ratio):
+    """A cylinder along the diagonal takes (B_x + B_y + 2 B_t)/4, on grids and on irregular meshes."""
+    fabric = wc.Fabric(bending_rigidity=1.0, bending_rigidity_weft=4.0, twist_ratio=ratio, bend_stiffness=0.0)
+    points, triangles = ragged(cells=24)
+    for cloth in (
+        wc.Cloth.grid((1.0, 1.0), (25, 25), fabric),
+        wc.Cloth.from_mesh(TriangleMesh(points, triangles), fabric),
+    ):
+        x, y = cloth.points[:, 0], cloth.points[:, 1]
+        inside = np.abs(cloth.points[cloth.bending.particles[cloth.bending.start[:-1]], :2]).max(axis=1) < 0.4
+        energies = []
+        for heights in (0.25 * (x + y) ** 2, 0.5 * x * x):
+            square = 0.5 * cloth.bending.stiffness * scalar(cloth.bending, heights) ** 2
+            energies.append(square[inside].sum())
+        assert energies[0] / energies[1] == pytest.approx(0.25 * (1.0 + 4.0 + 2.0 * 2.0 * ratio), rel=0.05)
 
 
 @pytest.mark.parametrize("name", SHAPES)

@@ -26,6 +26,8 @@ GRID = '[[cloth]]\nshape = "grid"\n'
         ({"bending_rigidity": -1e-6}, "bending_rigidity must be a number of at least 0, got -1e-06"),
         ({"bending_rigidity_weft": float("nan")}, "bending_rigidity_weft must be a number of at least 0, got nan"),
         ({"bending_hysteresis": "much"}, "bending_hysteresis must be a number of at least 0, got 'much'"),
+        ({"bending_rigidity": 1e-5, "bending_rigidity_weft": 0.0}, "both be 0 or both greater, got 1e-05 and 0 N m"),
+        ({"twist_ratio": 0.0}, "twist_ratio must be a number greater than 0, got 0"),
         ({"air_drag": -1.0}, "air_drag must be a number of at least 0"),
         ({"strain_limit": -0.1}, "strain_limit must be a number of at least 0"),
         ({"areal_density": float("inf")}, "areal_density must be a number greater than 0, got inf"),
@@ -127,6 +129,8 @@ def test_scene_names_a_fabric_and_changes_it():
     [
         ('"denin"', "cloth.0.fabric must be a table or the name of a fabric"),
         ('"denin"', "did you mean 'denim'?"),
+        ('{ name = "denin" }', "must have properties of its own or the name of a fabric, not 'denin'; did you mean"),
+        ("{ twist_ratio = -1 }", "cloth.0.fabric.twist_ratio must be a number above 0 and at most 10, not -1"),
         ("{ shear_stiffness = 500 }", "shear_stiffness must be at most the stretch stiffness, 400 N/m, got 500"),
         ("{ bending_length = 0.02, bending_rigidity = 1e-5 }", "a bending_length or a bending_rigidity, not both"),
         ("{ bending_hysteresis = -1 }", "cloth.0.fabric.bending_hysteresis must be a number from 0 to 10 N, not -1"),

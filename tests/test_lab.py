@@ -8,6 +8,7 @@ import pytest
 
 from warpcloth.cli.main import run
 from warpcloth.fabric import Fabric
+from warpcloth.fabric_library import library_fabric
 from warpcloth.lab import TESTS, Setup, cantilever, cusick, lateral_buckling
 from warpcloth.lab.elastica import heavy_elastica
 from warpcloth.lab.result import Check, Panel, Result
@@ -99,6 +100,16 @@ def test_shadow_of_a_wavy_disc():
     level = cusick.Drape(cloth.points, cloth.triangles, shadow_of(cloth.points, cloth.triangles, 0.09), True)
     assert level.coefficient == pytest.approx(100.0, abs=0.5)
     assert level.shadow.folds == 0
+
+
+@pytest.mark.parametrize("fabric", list(cusick.MEASURED))
+def test_drape_of_real_fabrics_is_predicted(fabric):
+    """Within 10 points and two folds of what was measured, from the fabric's properties alone; on a coarse mesh."""
+    (coefficient, folds), setup = cusick.MEASURED[fabric], Setup(fabric=library_fabric(fabric), resolution=5)
+    drape = cusick.draped(setup, 0)
+    assert drape.settled
+    assert drape.coefficient == pytest.approx(coefficient, abs=10.0)
+    assert abs(drape.shadow.folds - folds) <= 2
 
 
 @pytest.mark.parametrize("options", [{"angle": 30.0}, {"mesh": "irregular"}])

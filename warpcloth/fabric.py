@@ -1,5 +1,6 @@
 """Fabrics: what a cloth is made of, in textile units that do not depend on the resolution of its mesh."""
 
+import math
 from dataclasses import dataclass
 
 from . import validate
@@ -7,7 +8,7 @@ from .errors import InputError
 
 STANDARD_GRAVITY = 9.80665  # [m/s²]
 
-_POSITIVE = ("areal_density", "thickness", "stretch_stiffness")
+_POSITIVE = ("areal_density", "thickness", "stretch_stiffness", "twist_ratio")
 _NOT_NEGATIVE = (
     "shear_stiffness", "bending_rigidity", "bending_hysteresis", "bend_stiffness", "damping_time", "friction",
     "air_drag", "air_friction", "limit_stiffness",
@@ -32,9 +33,12 @@ class Fabric:
             than grids have either this or Y, see ``springs`` of :meth:`warpcloth.Cloth.from_mesh`.
         bending_rigidity: moment per width and curvature B for bending along the warp [N m]; 0: none.
             :func:`rigidity_of_length` gives it from a bending length.
-        bending_rigidity_weft: the same along the weft.
+        bending_rigidity_weft: the same along the weft; 0 where that along the warp is 0, and only there.
+        twist_ratio: resistance to twist B_t over √(B B_weft), > 0, in the energy density
+            ½ (B κ_x² + B_weft κ_y² + 2 B_t κ_xy²). A sheet that bends alike in all directions has 1. Woven cloth has
+            less, as yarns turn more easily than they bend: at 45° to them it bends with (B + B_weft + 2 B_t)/4.
         bending_hysteresis: 2HB of the KES bending test: how far the moment per width [N m/m = N] lies higher when
-            curvature grows than when it falls.
+            curvature grows than when it falls. Cloth without bending rigidity has none.
         bend_stiffness: stiffness per width of springs that join every other vertex [N/m]; 0: none. Such springs have
             no linear bending stiffness: their moment grows with the cube of curvature and with the size of cells.
             Inside a grid they add twice this to what ``stretch_stiffness`` asks for.
@@ -58,6 +62,7 @@ class Fabric:
     shear_stiffness: float = 80.0
     bending_rigidity: float = 0.0
     bending_rigidity_weft: float | None = None
+    twist_ratio: float = 1.0
     bending_hysteresis: float = 0.0
     bend_stiffness: float = 4.0
     damping_time: float = 5e-4
@@ -86,6 +91,11 @@ class Fabric:
                 f"{validate.sentence(label)}: shear_stiffness must be at most the stretch stiffness, "
                 f"{min(self.stretch):g} N/m, got {self.shear_stiffness:g}."
             )
+        if min(self.bending) == 0.0 < max(self.bending):
+            raise InputError(
+                f"{validate.sentence(label)}: bending rigidities along warp and weft must both be 0 or both greater, "
+                f"got {self.bending[0]:g} and {self.bending[1]:g} N m."
+            )
         object.__setattr__(self, "color", validate.color(self.color, f"{label}: color"))
 
     @property
@@ -99,6 +109,11 @@ class Fabric:
         """Bending rigidities along warp and weft [N m]."""
         weft = self.bending_rigidity_weft
         return self.bending_rigidity, self.bending_rigidity if weft is None else weft
+
+    @property
+    def twist_rigidity(self) -> float:
+        """Resistance to twist B_t [N m]."""
+        return self.twist_ratio * math.sqrt(self.bending[0] * self.bending[1])
 
     @property
     def bending_length(self) -> tuple[float, float]:

@@ -16,6 +16,11 @@ from .fabric import Fabric
 MATSUDAIRA = "Matsudaira et al., J. Textile Engineering 61(6), 2015"
 WANG = "Wang, O'Brien, Ramamoorthi, Data-Driven Elastic Models for Cloth, ACM TOG 30(4), 2011: its material file"
 WANG_BENDING = f"{WANG}; the larger of two directions taken for the warp"
+WANG_TWIST = f"{WANG}: 2 B_t = 4 B_45 − B_0 − B_90"
+YARN_TWIST = (
+    "estimated: yarns twist as their fibres do, with 2 G/E of what they bend with; half, as G is some E/4 in cotton, "
+    "silk and wool, and less in polyester and flax (Morton and Hearle, Physical Properties of Textile Fibres)"
+)
 KAWABATA = "Kawabata, The Standardization and Analysis of Hand Evaluation, 1980: mean of men's winter suitings"
 FENG = "estimated: a fabric of that weight in Feng et al., ACM TOG 41(6), 2022 (618 fabrics, kinds not named)"
 DENIM_RATIO = "estimated: 2HB/B of 0.81 /cm, as denim has in J. of Textiles 2016, 4614168, Table 5"
@@ -88,6 +93,7 @@ _LIBRARY = (
         stretch_stiffness=(12000.0, SHIRTING_STRETCH),
         shear_stiffness=(56.0, SPUN_SHEAR),
         bending_rigidity=(11.57e-6, MATSUDAIRA),
+        twist_ratio=(0.5, YARN_TWIST),
         bending_hysteresis=(1.216e-3, MATSUDAIRA),
         friction=(0.5, FRICTION),
     ),
@@ -100,6 +106,7 @@ _LIBRARY = (
         stretch_stiffness=(12000.0, SHIRTING_STRETCH),
         shear_stiffness=(56.0, SPUN_SHEAR),
         bending_rigidity=(7.55e-6, MATSUDAIRA),
+        twist_ratio=(0.5, YARN_TWIST),
         bending_hysteresis=(0.284e-3, MATSUDAIRA),
         friction=(0.35, FRICTION),
     ),
@@ -113,6 +120,7 @@ _LIBRARY = (
         shear_stiffness=(22.0, "estimated: 0.4 gf/(cm·degree) in the KES shear test; filaments slide"),
         bending_rigidity=(3.08e-6, FENG),
         bending_rigidity_weft=(1.78e-6, FENG),
+        twist_ratio=(0.5, YARN_TWIST),
         bending_hysteresis=(0.092e-3, "estimated: 2HB/B of 0.38 /cm, that of the filament-smooth polyester"),
         friction=(0.25, FRICTION),
     ),
@@ -125,6 +133,7 @@ _LIBRARY = (
         stretch_stiffness=(8100.0, f"{KAWABATA}: load over extension at 490 N/m"),
         shear_stiffness=(54.4, KAWABATA),
         bending_rigidity=(13.3e-6, KAWABATA),
+        twist_ratio=(0.5, YARN_TWIST),
         bending_hysteresis=(0.61e-3, KAWABATA),
         friction=(0.55, FRICTION),
     ),
@@ -139,6 +148,7 @@ _LIBRARY = (
         shear_stiffness=(53.4, WANG),
         bending_rigidity=(97.0e-6, WANG_BENDING),
         bending_rigidity_weft=(64.2e-6, WANG_BENDING),
+        twist_ratio=(0.84, WANG_TWIST),
         bending_hysteresis=(6.5e-3, DENIM_RATIO),
         friction=(0.6, FRICTION),
     ),
@@ -152,6 +162,7 @@ _LIBRARY = (
         shear_stiffness=(56.0, SPUN_SHEAR),
         bending_rigidity=(61.2e-6, FENG),
         bending_rigidity_weft=(24.1e-6, FENG),
+        twist_ratio=(0.5, YARN_TWIST),
         bending_hysteresis=(4.5e-3, COTTON_RATIO),
         friction=(0.5, FRICTION),
     ),
@@ -165,6 +176,7 @@ _LIBRARY = (
         stretch_stiffness_weft=(4033.0, WANG),
         shear_stiffness=(104.8, WANG),
         bending_rigidity=(125.4e-6, WANG),
+        twist_ratio=(0.72, WANG_TWIST),
         bending_hysteresis=(10.2e-3, DENIM_RATIO),
         friction=(0.5, FRICTION),
     ),
@@ -179,6 +191,7 @@ _LIBRARY = (
         shear_stiffness=(19.2, WANG),
         bending_rigidity=(51.7e-6, WANG_BENDING),
         bending_rigidity_weft=(31.3e-6, WANG_BENDING),
+        twist_ratio=(0.99, WANG_TWIST),
         bending_hysteresis=(1.6e-3, "estimated: 2HB/B of 0.38 /cm, that of polyester suiting"),
         friction=(0.3, FRICTION),
     ),
@@ -193,6 +206,7 @@ _LIBRARY = (
         shear_stiffness=(31.9, WANG),
         bending_rigidity=(37.2e-6, WANG_BENDING),
         bending_rigidity_weft=(36.3e-6, WANG_BENDING),
+        twist_ratio=(0.80, WANG_TWIST),
         bending_hysteresis=(1.5e-3, "estimated: 2HB/B of 0.4 /cm; knits bend with little friction"),
         friction=(0.5, FRICTION),
     ),

@@ -44,6 +44,10 @@ class FabricTable(Table):
     bending_rigidity_weft: Annotated[float, at_least_zero("N m", 10.0)] | None = field(
         None, "The same along the weft; by default that of the warp."
     )
+    twist_ratio: Annotated[float, positive("", 10.0)] | None = field(
+        None,
+        "Resistance to twist over the geometric mean of those two; 1 is an isotropic sheet's, woven cloth has less.",
+    )
     bending_length: Annotated[float, at_least_zero("m", 1.0)] | None = field(
         None, "Another way to give the bending rigidity: (rigidity/weight per area)^(1/3), as ASTM D1388 measures it."
     )
@@ -87,6 +91,10 @@ class FabricTable(Table):
     def _consistent(self) -> Self:
         if self.bending_length is not None and self.bending_rigidity is not None:
             raise refuse("must have a bending_length or a bending_rigidity, not both")
+        if self.name not in fabrics() and not self.model_fields_set - {"name", "color"} and self.name != _PLAIN.name:
+            raise refuse(
+                f"must have properties of its own or the name of a fabric, not '{self.name}'{_suggestion(self.name)}"
+            )
         try:
             self.build()
         except InputError as error:

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 UNITS = {
     "areal_density": "kg/m²", "thickness": "m", "stretch_stiffness": "N/m", "stretch_stiffness_weft": "N/m",
-    "shear_stiffness": "N/m", "bending_rigidity": "N m", "bending_rigidity_weft": "N m", "bending_hysteresis": "N",
-    "bend_stiffness": "N/m", "damping_time": "s", "friction": "", "air_drag": "", "air_friction": "",
-    "strain_limit": "", "limit_stiffness": "N/m",
+    "shear_stiffness": "N/m", "bending_rigidity": "N m", "bending_rigidity_weft": "N m", "twist_ratio": "",
+    "bending_hysteresis": "N", "bend_stiffness": "N/m", "damping_time": "s", "friction": "", "air_drag": "",
+    "air_friction": "", "strain_limit": "", "limit_stiffness": "N/m",
 }  # fmt: skip
 NameArgument = Annotated[str | None, typer.Argument(metavar="[NAME]", help="A fabric: the source of each value.")]
 

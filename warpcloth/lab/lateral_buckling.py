@@ -3,7 +3,8 @@
 A cantilever of length L and weight q per length that bends sideways with E I and twists with G J buckles under its own
 weight at q L³/√(E I G J) = 12.854 (Prandtl 1899; Timoshenko and Gere, Theory of Elastic Stability, 1961). A strip of
 cloth of width b has q = σ g b, E I = B b and G J = 2 (1 − ν) B b; so with Γ = σ g L³/B it buckles at Γ* = 18.178 where
-ν = 0. Without resistance to twist it would do so at any length.
+ν = 0, which is a fabric's twist ratio of 1, and that is what is tested here whatever its own one is. Without resistance
+to twist it would do so at any length.
 
 Two columns of vertices are clamped. That holds twist from the second column on, from where lengths count here, and
 bending from half a cell before it, which does not matter: a strip about to buckle bends sideways where it has twisted.
@@ -69,7 +70,7 @@ def resistance(setup: Setup, gamma: float) -> float:
     cell, stiff = length / cells, STIFF * weight * length
     fabric = replace(
         fabric, stretch_stiffness=stiff, stretch_stiffness_weft=None, shear_stiffness=0.4 * stiff,
-        bending_rigidity_weft=None, bending_hysteresis=0.0, bend_stiffness=0.0, strain_limit=None,
+        bending_rigidity_weft=None, twist_ratio=1.0, bending_hysteresis=0.0, bend_stiffness=0.0, strain_limit=None,
         damping_time=damping_time(length) / np.sqrt(STIFF),
     )  # fmt: skip
     half = 0.5 * WIDTH * cell

@@ -6,7 +6,7 @@ from typing import Any
 from ..errors import MissingExtraError
 from .result import AREA, POINTS, Panel, Result
 
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = "osD^vP"
 SETTINGS = {
     "figure.dpi": 100,

@@ -47,8 +47,7 @@ def settle(
     (Position-based schemes do not balance forces at the ends of their steps.)
 
     Schemes without a stability limit take steps of several swings, whose numerical damping is what is wanted here; the
-    others take small ones, and all velocities are set to zero whenever kinetic energy has passed a maximum (dynamic
-    relaxation, Day 1965), which changes the way to the equilibrium but not where it is.
+    others take small ones; all relax dynamically, which changes the way to the equilibrium but not where it is.
 
     Args:
         model: what rests.
@@ -61,12 +60,12 @@ def settle(
     strength = float(np.linalg.norm(gravity)) or STANDARD_GRAVITY
     swing = math.sqrt(length / strength)
     sim = Simulation(model, setup.integrator, gravity, contact="none")
-    large = _takes_any_step(sim.integrator)
+    large = takes_any_step(sim.integrator)
     dt = 5.0 * swing if large else 0.1 * swing
-    still = np.zeros((model.particle_count, 3))
+    relaxation = Relaxation(sim)
     free = model.particle_inv_mass.numpy() > 0.0
     scale = float(np.mean(model.particle_mass.numpy())) * strength
-    before, residual, quiet, settled = math.inf, math.inf, 0, False
+    residual, quiet, settled = math.inf, 0, False
     for _ in range(frames):
         start = sim.state.particle_q.numpy().copy()
         with warnings.catch_warnings():
@@ -74,12 +73,7 @@ def settle(
             sim.step(dt)
         way = float(np.sqrt(np.mean((sim.state.particle_q.numpy() - start) ** 2)))
         quiet = quiet + 1 if way < STILL * length * dt / swing else 0
-        kinetic = sim.energy()["kinetic"]
-        if kinetic < before:
-            sim.state.particle_qd.assign(still)
-            before = 0.0
-        else:
-            before = kinetic
+        relaxation.calm()
         residual = _residual(sim, free, scale)
         settled = residual < tolerance or quiet >= STILL_FRAMES
         if settled:
@@ -87,7 +81,23 @@ def settle(
     return Settled(sim.state.particle_q.numpy().astype(np.float64), residual, settled)
 
 
-def _takes_any_step(scheme: Integrator) -> bool:
+class Relaxation:
+    """Dynamic relaxation: all velocities are set to zero whenever kinetic energy has passed a maximum (Day 1965)."""
+
+    def __init__(self, sim: Simulation):
+        self.sim, self._before = sim, math.inf
+        self._still = np.zeros((sim.model.particle_count, 3))
+
+    def calm(self) -> None:
+        """After a step."""
+        kinetic = self.sim.energy()["kinetic"]
+        if kinetic < self._before:
+            self.sim.state.particle_qd.assign(self._still)
+            kinetic = 0.0
+        self._before = kinetic
+
+
+def takes_any_step(scheme: Integrator) -> bool:
     """Whether steps much longer than a swing are stable and damped."""
     unlimited = math.isinf(scheme.stable_step(1.0, 0.0)) and math.isinf(scheme.advised_step())
     return scheme.implicit and scheme.order == 1 and unlimited
