@@ -98,7 +98,8 @@ class FabricTable(Table):
         try:
             self.build()
         except InputError as error:
-            raise refuse(f"must be that of a fabric: {error}".rstrip(".")) from None
+            reason = str(error).removeprefix(f"Fabric '{self.name}': ").rstrip(".")
+            raise refuse(f"cannot be: its {reason}") from None
         return self
 
     def build(self) -> Fabric:

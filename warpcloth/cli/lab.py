@@ -9,6 +9,7 @@ import typer
 from rich.console import Group
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from .. import validate
 from .bench_options import output_folder
@@ -56,13 +57,13 @@ def command(
     results, data = [], []
     for name in names:
         result, files = _run(name, setup, folder, not no_plots)
-        results.append(result)
+        results.append((result, files))
         data.append(result.as_dict(files))
     if test != "report":
-        return Report(data[0], _text(results[0]))
+        return Report(data[0], _text(results[0][0]))
     page = write_page(results, folder)
     messages().print(f"Wrote {page}", markup=False)
-    return Report({"tests": data, "page": page}, Group(*(_text(result) for result in results)))
+    return Report({"tests": data, "page": page}, Group(*(_text(result) for result, _ in results)))
 
 
 def _run(name: str, setup: "Setup", folder: Path, pictures: bool) -> tuple["Result", list[Path]]:
@@ -87,7 +88,7 @@ def _text(result: "Result") -> Group:
         table.add_column(column, justify="right")
     for row in result.rows:
         table.add_row(*(cell_text(value) for value in row))
-    lines = [_sentence(check) for check in result.checks]
+    lines = [Text(_sentence(check)) for check in result.checks]  # not a string: "[mm]" would be markup
     return Group(table, *lines)
 
 

@@ -33,7 +33,8 @@ def stdout_for_results() -> Iterator[TextIO]:
 
 @contextlib.contextmanager
 def warnings_as_lines() -> Iterator[None]:
-    """Show warpcloth's own warnings as one line on stderr each, without the place in the code."""
+    """Show warpcloth's own warnings as one line on stderr each, once, without the place in the code."""
+    shown = set()
 
     def show(
         message: Warning | str,
@@ -44,7 +45,9 @@ def warnings_as_lines() -> Iterator[None]:
         line: str | None = None,
     ) -> None:
         if issubclass(category, OURS):
-            messages().print(f"warpcloth: {message}", markup=False)
+            if str(message) not in shown:
+                messages().print(f"warpcloth: {message}", markup=False)
+            shown.add(str(message))
         else:
             usual(message, category, filename, lineno, file, line)
 

@@ -27,6 +27,7 @@ VIEWS = {
     "drape_bunny": View(1.0, "160,16"),
     "flag": View(0.75),
     "fold_over_table": View(1.0, "1.17,-1.46,1.78,-0.05,0.0,0.64"),
+    "four_fabrics": View(1.0, "-90,30"),
     "funnel": View(0.09, "-58,40"),
     "hanging": View(1.0, "-68,14"),
     "pendulum": View(0.6, "-75,14"),
