@@ -30,6 +30,13 @@ def test_shear_test_returns_the_stiffness_put_in(mesh, cells):
     assert stress / np.deg2rad(0.5) == pytest.approx(100.0, rel=0.02)
 
 
+@pytest.mark.parametrize("integrator", ["symplectic_euler", "xpbd", "vbd"])
+def test_the_scheme_does_not_change_the_stiffness(integrator):
+    strain, load, settled = tensile.pulled(Setup(fabric=SOFT, integrator=integrator, resolution=8), SOFT, 0.002)
+    assert settled
+    assert load / strain == pytest.approx(SOFT.stretch_stiffness, rel=0.02)
+
+
 def test_tensile_curve_turns_at_the_strain_limit():
     limited = Fabric(
         stretch_stiffness=400.0, shear_stiffness=20.0, strain_limit=0.01, limit_stiffness=2000.0, bend_stiffness=0.0

@@ -3,17 +3,21 @@
 import math
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..errors import ConvergenceWarning
 from ..fabric import STANDARD_GRAVITY
-from ..integrators import Integrator
+from ..integrators import INTEGRATORS, Integrator, option_names
 from ..model import Model
 from ..simulation import Simulation
+from ..stability import fastest_rates
 from .setup import Setup
 
+LONG_STEP, SHORT_STEP = 5.0, 0.1  # [swings] of schemes that take any step, and of others
+RESOLVED = 2.0  # ω h to which schemes that sweep over springs converge in a sweep, if they start from the last forces
 MAX_FRAMES = 3000
 STILL = 1e-6  # of its length, by which a specimen at rest moves in a swing
 STILL_FRAMES = 10
@@ -44,7 +48,8 @@ def settle(
 ) -> Settled:
     """Runs until the specimen is in equilibrium, its weight and forces balanced to ``tolerance``, or stands still.
 
-    (Position-based schemes do not balance forces at the ends of their steps.)
+    Position-based schemes balance forces at rest only if each step begins with all of the forces of the step before and
+    resolves the fastest swing of the springs; those that have the choice do so here.
 
     Schemes without a stability limit take steps of several swings, whose numerical damping is what is wanted here; the
     others take small ones; all relax dynamically, which changes the way to the equilibrium but not where it is.
@@ -59,9 +64,9 @@ def settle(
     """
     strength = float(np.linalg.norm(gravity)) or STANDARD_GRAVITY
     swing = math.sqrt(length / strength)
-    sim = Simulation(model, setup.integrator, gravity, contact="none")
-    large = takes_any_step(sim.integrator)
-    dt = 5.0 * swing if large else 0.1 * swing
+    large = takes_any_step(INTEGRATORS[setup.integrator](model))
+    dt = LONG_STEP * swing if large else SHORT_STEP * swing
+    sim = Simulation(model, setup.integrator, gravity, contact="none", **_balanced(model, setup.integrator, dt))
     relaxation = Relaxation(sim)
     free = model.particle_inv_mass.numpy() > 0.0
     scale = float(np.mean(model.particle_mass.numpy())) * strength
@@ -95,6 +100,14 @@ class Relaxation:
             self.sim.state.particle_qd.assign(self._still)
             kinetic = 0.0
         self._before = kinetic
+
+
+def _balanced(model: Model, integrator: str, dt: float) -> dict[str, Any]:
+    """Options of a simulation whose rest shape is an equilibrium, for frames of dt [s]."""
+    if "warm_start" not in option_names(INTEGRATORS[integrator]):
+        return {}
+    substeps = max(1, math.ceil(dt * fastest_rates(model)[0] / RESOLVED))
+    return {"substeps": substeps, "integrator_options": {"warm_start": 1.0}}
 
 
 def takes_any_step(scheme: Integrator) -> bool:
