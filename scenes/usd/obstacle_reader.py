@@ -68,9 +68,9 @@ def read_obstacle(prim: Usd.Prim, origin: float = 0.0) -> Obstacle:
             if frame is None or not are_rigid(rest, matrices):
                 raise _stretched(prim)
             return make(kind(prim), frame, common | {"motion": rigid_motion(rest, seconds, matrices)})
-    for kind, make in _SOLIDS.items():
+    for kind, maker in _SOLIDS.items():
         if prim.IsA(kind):
-            return _solid(kind(prim), make, origin, common)
+            return _solid(kind(prim), maker, origin, common)
     wanted = "a Sphere, Capsule, Cube, Cylinder, Cone, Plane or Mesh"
     raise UsdError(f"Collider {prim.GetPath()} is a {prim.GetTypeName()}, which cannot be an obstacle; use {wanted}.")
 
