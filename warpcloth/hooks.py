@@ -1,9 +1,7 @@
 """Hooks: a caller's own kernels between the stages of a step, obstacles of their own among them."""
 
 from collections.abc import Sequence
-from typing import Any
 
-from .errors import InputError
 from .state import Memory, State
 
 
@@ -33,17 +31,3 @@ class Hook:
         With them frames can be done again, and worlds be reset, as if nothing had been.
         """
         return ()
-
-
-def checked_hooks(hooks: Any) -> list[Hook]:
-    """The hooks as a list.
-
-    Raises:
-        InputError: one of them is none.
-    """
-    if not isinstance(hooks, Sequence):
-        raise InputError(f"Hooks must be a list of warpcloth.Hook, got {type(hooks).__name__}.")
-    for k, hook in enumerate(hooks):
-        if not isinstance(hook, Hook):
-            raise InputError(f"hooks[{k}] must be a warpcloth.Hook, got {type(hook).__name__}.")
-    return list(hooks)

@@ -13,9 +13,9 @@ from .contact import CONTACTS, ContactStage
 from .force_terms import force_terms, world_gravity
 from .forces import Forces, Grabs
 from .forces.grabs import Hold
-from .forces.user import UserForce, checked_forces
+from .forces.user import UserForce
 from .grab import Grab, GrabTape, make_hold
-from .hooks import Hook, checked_hooks
+from .hooks import Hook
 from .integrators import make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
@@ -92,8 +92,8 @@ class Simulation:
         self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"), share)
         if self.contact.support is not None:
             self.forces.terms.append(self.contact.support)
-        self.forces.terms += checked_forces(forces)
-        self.hooks = checked_hooks(hooks)
+        self.forces.terms += validate.instances(forces, UserForce, "forces")
+        self.hooks = validate.instances(hooks, Hook, "hooks")
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other = self.state.twin()

@@ -7,7 +7,7 @@ import difflib
 import operator
 import reprlib
 from collections.abc import Iterable, Sequence
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import warp as wp
@@ -16,6 +16,7 @@ from .errors import InputError
 
 # Annotates fields that take any array-like (or None) and then hold a read-only array: static types cannot say both.
 Array: TypeAlias = Any
+Kind = TypeVar("Kind")
 
 LARGEST = 1e12  # beyond this no SI quantity of cloth is meant, and products would overflow
 SMALLEST = 1e-12  # and closer to 0 than this, they would vanish
@@ -119,6 +120,16 @@ def choice(value: Any, options: Iterable[str], what: str) -> str:
         return value
     known = ", ".join(f"'{name}'" for name in names)
     raise InputError(f"{sentence(what)} must be one of {known}, got {reprlib.repr(value)}{did_you_mean(value, names)}.")
+
+
+def instances(values: Any, kind: type[Kind], what: str) -> list[Kind]:
+    """A list of objects of that kind, such as ``warpcloth.Hook``."""
+    if not isinstance(values, Sequence):
+        raise InputError(f"{sentence(what)} must be a list of warpcloth.{kind.__name__}, got {type(values).__name__}.")
+    for k, value in enumerate(values):
+        if not isinstance(value, kind):
+            raise InputError(f"{what}[{k}] must be a warpcloth.{kind.__name__}, got {type(value).__name__}.")
+    return list(values)
 
 
 def did_you_mean(value: Any, options: Sequence[str]) -> str:

@@ -1,15 +1,11 @@
 """Forces of the caller's own."""
 
-from collections.abc import Sequence
-from typing import Any
-
 import warp as wp
 
 from .. import validate
-from ..errors import InputError
 from ..model import Model
 from ..state import State
-from .base import ForceTerm, Linearization
+from .base import Linearization
 
 
 class UserForce:
@@ -80,17 +76,3 @@ class AppliedForce(UserForce):
     def parameters(self) -> dict[str, wp.array]:
         """The forces [N]."""
         return {"applied_force": self.force}
-
-
-def checked_forces(forces: Any) -> list[ForceTerm]:
-    """The caller's forces as a list.
-
-    Raises:
-        InputError: one of them is none.
-    """
-    if not isinstance(forces, Sequence):
-        raise InputError(f"Forces must be a list of warpcloth.UserForce, got {type(forces).__name__}.")
-    for k, force in enumerate(forces):
-        if not isinstance(force, UserForce):
-            raise InputError(f"forces[{k}] must be a warpcloth.UserForce, got {type(force).__name__}.")
-    return list(forces)
