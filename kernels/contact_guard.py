@@ -1,11 +1,9 @@
 """The guard: no straight motion of an interval may take a pair through each other; what would is held back.
 
-Held back means: at home, and from there only a fraction of the way to where it would go. Home is where a particle was
-at the start of the interval; but in the way of an obstacle or of pins that move there is no standing still, and home
-is then where those carry it. Neither takes anything through anything: all that has the same carrier moves as one.
-(Bridson, Fedkiw, Anderson 2002 move impact zones rigidly likewise, by their own momentum. Tried: those that meet go
-home with the mean motion of all that have met. In tight knots strain fell from 0.9 to 0.2; but such a zone also goes
-into what stands still, and grew to a tenth of the cloth where a ball goes through a curtain.)
+Held back means: at home, and from there only a fraction of the way to where it would go. Home of one particle that met
+an obstacle is where it was at the start of the interval; of those that met each other, where the mean motion of all of
+them takes them (``contact_clusters.py``); in the way of an obstacle or of pins, where those carry it. Nothing of this
+takes anything through anything: all that has the same carrier, or is of one cluster, moves as one.
 """
 
 import sys
@@ -13,12 +11,16 @@ import sys
 import warp as wp
 
 from .closest import time_of_impact
+from .contact_clusters import Clusters, common_way, unite
 from .contact_pairs import Pairs, narrow, wide
 from .motion import Tracks, pose_at, rotation_matrix
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import MESH, Placement, Shapes, distance, to_local, to_real3, to_world
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
+
+
+REST = wp.constant(0)  # the carrier of what stays where it is
 
 
 @wp.kernel
@@ -118,11 +120,18 @@ def place_pins(
 
 
 @wp.func
-def home_of(x: vec3, s: int, place_from: wp.array(dtype=Placement), place_to: wp.array(dtype=Placement)):
-    """Where a particle ends that was at x and does not move but with its carrier s, if it has one."""
+def carried_way(
+    i: int,
+    x: vec3,
+    s: int,
+    clusters: Clusters,
+    place_from: wp.array(dtype=Placement),
+    place_to: wp.array(dtype=Placement),
+):
+    """Way home [m] of a particle that was at x: with its carrier s or, if it has none, with its cluster."""
     if s >= 0:
-        return to_world(place_to[s], to_local(place_from[s], x))
-    return x
+        return wide(to_world(place_to[s], to_local(place_from[s], x))) - wide(x)
+    return common_way(clusters, i)
 
 
 @wp.kernel
@@ -134,6 +143,7 @@ def find_ends(
     particle_to: wp.array(dtype=vec3),
     fraction: wp.array(dtype=wp.float64),
     carrier: wp.array(dtype=wp.int32),
+    clusters: Clusters,
     place_from: wp.array(dtype=Placement),
     place_to: wp.array(dtype=Placement),
     # Out
@@ -144,7 +154,8 @@ def find_ends(
     particle_end_out[i] = particle_to[i]
     f = fraction[i]
     if i < cloth_particles and f < wp.float64(1.0):
-        home = wide(home_of(particle_from[i], carrier[i], place_from, place_to))
+        x = particle_from[i]
+        home = wide(x) + carried_way(i, x, carrier[i], clusters, place_from, place_to)
         particle_end_out[i] = narrow(home + f * (wide(particle_to[i]) - home))
 
 
@@ -176,16 +187,19 @@ def limit_motion(
     particle_end: wp.array(dtype=vec3),
     fraction: wp.array(dtype=wp.float64),
     carrier: wp.array(dtype=wp.int32),
+    clusters: Clusters,
     # Out
     fraction_out: wp.array(dtype=wp.float64),
     carrier_out: wp.array(dtype=wp.int32),
+    parent_out: wp.array(dtype=wp.int32),
     held_back_out: wp.array(dtype=wp.int32),
     counts_out: wp.array(dtype=wp.int32),
 ):
     """For each pair that would meet on its way: its particles may go only as far as the meeting.
 
-    If all are at home already, those at rest there go with what carries another of the pair. Counts the particles that
-    changed, and pairs that are pinched: they meet though nothing can be done, as what moves is prescribed.
+    Cloth that meets cloth becomes one cluster. If all are at home already, those without a carrier take that of another
+    of the pair. Counts what changed, and pairs that are pinched: they meet though nothing can be done, as what moves is
+    prescribed.
     """
     for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
@@ -202,10 +216,14 @@ def limit_motion(
         t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
         if not t < wp.float64(1.0):
             continue
-        changed = int(0)
         with_whom = int(-1)
+        free = wp.vec4i()
         for m in range(4):
             with_whom = wp.max(with_whom, carrier[i[m]])
+            if particle_inv_mass[i[m]] > real(0.0) and carrier[i[m]] < 0:
+                free[m] = 1
+        changed = unite(i, free, clusters, parent_out)
+        for m in range(4):
             f = fraction[i[m]]
             if particle_inv_mass[i[m]] > real(0.0) and f > wp.float64(0.0):
                 g = wp.float64(0.9) * t * f
@@ -215,7 +233,7 @@ def limit_motion(
                 changed += 1
         if changed == 0 and with_whom >= 0:
             for m in range(4):
-                if particle_inv_mass[i[m]] > real(0.0) and carrier[i[m]] < 0:
+                if free[m] == 1:
                     wp.atomic_max(carrier_out, i[m], with_whom)
                     changed += 1
         if changed > 0:
@@ -243,7 +261,7 @@ def limit_by_shapes(
 ):
     """The same for held-back particles and spheres, capsules, boxes and planes, which are more than their edges.
 
-    Where they end is at least half of the contact distance away, as far as the start was.
+    Where they end is at least half of the contact distance away; ``place`` is that of the carriers, ``REST`` first.
     """
     i = wp.tid()
     f = fraction[i]
@@ -252,13 +270,14 @@ def limit_by_shapes(
     w = particle_world[i]
     for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
         if shapes.kind[s] != MESH:
-            here = distance(shapes.kind[s], shapes.size[s], to_local(place[s], particle_end[i]))
+            here = distance(shapes.kind[s], shapes.size[s], to_local(place[s + 1], particle_end[i]))
             if here[3] < real(0.5) * (particle_radius[i] + shapes.thickness[s]):
+                who = wp.where(shapes.track[s] >= 0, s + 1, REST)
                 if f > wp.float64(0.0):
                     fraction_out[i] = wp.float64(0.0)
                     wp.atomic_add(held_back_out, 0, 1)
-                elif shapes.track[s] >= 0 and carrier[i] < 0:
-                    carrier_out[i] = s
+                elif carrier[i] < who:
+                    wp.atomic_max(carrier_out, i, who)
                     wp.atomic_add(held_back_out, 0, 1)
 
 
@@ -269,6 +288,7 @@ def apply_limit(
     particle_end: wp.array(dtype=vec3),
     fraction: wp.array(dtype=wp.float64),
     carrier: wp.array(dtype=wp.int32),
+    clusters: Clusters,
     place_from: wp.array(dtype=Placement),
     place_to: wp.array(dtype=Placement),
     span: wp.float64,
@@ -281,8 +301,7 @@ def apply_limit(
     i = wp.tid()
     f = fraction[i]
     if f < wp.float64(1.0):
-        x = particle_from[i]
-        carried = wide(home_of(x, carrier[i], place_from, place_to)) - wide(x)
+        carried = carried_way(i, particle_from[i], carrier[i], clusters, place_from, place_to)
         particle_q_out[i] = particle_end[i]
         particle_qd_out[i] = narrow(f * wide(particle_qd_out[i]) + ((wp.float64(1.0) - f) / span) * carried)
         wp.atomic_add(counts_out, 0, 1)

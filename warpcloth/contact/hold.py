@@ -26,14 +26,20 @@ class Hold:
         self._end = surface.positions()
         self._fraction, self._next_fraction = (wp.ones(n, dtype=wp.float64, device=device) for _ in range(2))
         self._carrier, self._next_carrier, self._active = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(3))
+        self._parent, self._next_parent = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(2))
+        self._clusters = model.kernels.contact_clusters.Clusters()
+        self._clusters.root, self._clusters.size = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(2))
+        self._clusters.mass = wp.zeros(n, dtype=wp.int64, device=device)
+        self._clusters.way = wp.zeros((n, 3), dtype=wp.int64, device=device)
         self._open = wp.zeros(model.world_count, dtype=wp.int32, device=device)
         self._changed = wp.zeros(1, dtype=wp.int32, device=device)
         tracks, pins = np.unique(model.moving_pins.track.numpy(), return_index=True)
         self._group_pin = model.array(pins, wp.int32)
         self._own_carrier = model.array(self._own_carriers(tracks), wp.int32)
-        carriers = model.shapes.count + len(pins)
+        rest = np.zeros(1 + model.shapes.count + len(pins), dtype=model.kernels.shapes.Placement.numpy_dtype())
+        rest["rotation"] = np.eye(3)
         self._place_from, self._place_to = (
-            wp.zeros(carriers, dtype=model.kernels.shapes.Placement, device=device) for _ in range(2)
+            wp.array(rest, dtype=model.kernels.shapes.Placement, device=device) for _ in range(2)
         )
 
     def begin(self, state: State) -> None:
@@ -59,6 +65,7 @@ class Hold:
             [surface.world, self._own_carrier, self._open],
             [self._active, self._fraction, self._carrier],
         )  # fmt: skip
+        self._launch(model.kernels.contact_clusters.part_clusters, surface.particle_count, [], [self._next_parent])
         wp.copy(self._next_fraction, self._fraction)
         wp.copy(self._next_carrier, self._carrier)
         self._place(state, self._place_to)
@@ -66,7 +73,10 @@ class Hold:
         wp.capture_while(self._changed, self._round, start=start, now=now, counts=counts)
         self._launch(
             kernels.apply_limit, model.particle_count,
-            [start, self._end, self._fraction, self._carrier, self._place_from, self._place_to, span],
+            [
+                start, self._end, self._fraction, self._carrier, self._clusters, self._place_from, self._place_to,
+                span,
+            ],
             [state.particle_q, state.particle_qd, counts],
         )  # fmt: skip
 
@@ -74,9 +84,13 @@ class Hold:
         """One round; it goes on while any particle had to be held back further, or was taken along."""
         model, surface, finder, kernels = self.model, self.surface, self.finder, self.model.kernels.contact_guard
         shapes = model.shapes
+        self._find_clusters(start, now)
         self._launch(
             kernels.find_ends, surface.particle_count,
-            [surface.cloth_particles, start, now, self._fraction, self._carrier, self._place_from, self._place_to],
+            [
+                surface.cloth_particles, start, now, self._fraction, self._carrier, self._clusters, self._place_from,
+                self._place_to,
+            ],
             [self._end],
         )  # fmt: skip
         finder.look_at_fans(start, self._end, self._active)
@@ -86,9 +100,9 @@ class Hold:
             kernels.limit_motion, finder.width,
             [
                 surface.inv_mass, self.pairs.pairs, self.separation, finder.width, start, self._end, self._fraction,
-                self._carrier,
+                self._carrier, self._clusters,
             ],
-            [self._next_fraction, self._next_carrier, self._changed, counts],
+            [self._next_fraction, self._next_carrier, self._next_parent, self._changed, counts],
         )  # fmt: skip
         self._launch(
             kernels.limit_by_shapes, model.particle_count,
@@ -101,27 +115,37 @@ class Hold:
         wp.copy(self._fraction, self._next_fraction)
         wp.copy(self._carrier, self._next_carrier)
 
+    def _find_clusters(self, start: wp.array, now: wp.array) -> None:
+        wp.copy(self._parent, self._next_parent)
+        for sums in (self._clusters.size, self._clusters.mass, self._clusters.way):
+            sums.zero_()
+        self._launch(
+            self.model.kernels.contact_clusters.find_clusters, self.surface.particle_count,
+            [self.surface.inv_mass, start, now, self._parent],
+            [self._clusters],
+        )  # fmt: skip
+
     def _own_carriers(self, tracks: np.ndarray) -> np.ndarray:
-        """What each particle of the surface is part of: an obstacle that moves, pins that move together, or −1."""
+        """What each particle of the surface is part of: what rests, an obstacle that moves, pins that move, or −1."""
         model, surface = self.model, self.surface
-        own = np.full(surface.particle_count, -1)
+        own = np.where(surface.inv_mass.numpy() > 0.0, -1, 0)
         shape = surface.point_shape.numpy()
-        own[surface.cloth_particles :] = np.where(model.shapes.shapes.track.numpy()[shape] >= 0, shape, -1)
+        own[surface.cloth_particles :] = np.where(model.shapes.shapes.track.numpy()[shape] >= 0, 1 + shape, 0)
         pins = model.moving_pins
-        own[pins.particle.numpy()] = model.shapes.count + np.searchsorted(tracks, pins.track.numpy())
+        own[pins.particle.numpy()] = 1 + model.shapes.count + np.searchsorted(tracks, pins.track.numpy())
         return own
 
     def _place(self, state: State, out: wp.array) -> None:
         """Where carriers are at the state's time; obstacles have been placed."""
         model, pins, count = self.model, self.model.moving_pins, self.model.shapes.count
         if count > 0:
-            wp.copy(out, model.shapes.end, count=count)
+            wp.copy(out, model.shapes.end, dest_offset=1, count=count)
         if len(self._group_pin) > 0:
             self._launch(
                 self.model.kernels.contact_guard.place_pins, len(self._group_pin),
                 [
-                    model.particle_world, pins.particle, pins.track, pins.pivot, model.tracks, self._group_pin, count,
-                    state.world_time,
+                    model.particle_world, pins.particle, pins.track, pins.pivot, model.tracks, self._group_pin,
+                    1 + count, state.world_time,
                 ],
                 [out],
             )  # fmt: skip
