@@ -197,9 +197,9 @@ def limit_motion(
 ):
     """For each pair that would meet on its way: its particles may go only as far as the meeting.
 
-    Cloth that meets cloth becomes one cluster. If all are at home already, those without a carrier take that of another
-    of the pair. Counts what changed, and pairs that are pinched: they meet though nothing can be done, as what moves is
-    prescribed.
+    Cloth that meets cloth becomes one cluster. If all are at home already, what is free comes to rest; and what rests
+    goes with what carries another of the pair. Counts what changed, and pairs that are pinched: they meet though
+    nothing can be done, as what moves is prescribed.
     """
     for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
@@ -216,7 +216,7 @@ def limit_motion(
         t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
         if not t < wp.float64(1.0):
             continue
-        with_whom = int(-1)
+        with_whom = int(REST)
         free = wp.vec4i()
         for m in range(4):
             with_whom = wp.max(with_whom, carrier[i[m]])
@@ -231,10 +231,11 @@ def limit_motion(
                     g = wp.float64(0.0)
                 wp.atomic_min(fraction_out, i[m], g)
                 changed += 1
-        if changed == 0 and with_whom >= 0:
+        if changed == 0:
             for m in range(4):
-                if free[m] == 1:
-                    wp.atomic_max(carrier_out, i[m], with_whom)
+                rests = particle_inv_mass[i[m]] > real(0.0) and carrier[i[m]] == REST and with_whom > REST
+                if free[m] == 1 or rests:
+                    wp.atomic_max(carrier_out, i[m], wp.where(rests, with_whom, REST))
                     changed += 1
         if changed > 0:
             wp.atomic_add(held_back_out, 0, changed)
