@@ -208,7 +208,7 @@ def test_a_cache_in_a_browser(chromium, cache, tmp_path):
         keyboard.press(key)
         until(lambda: page.shown == frame)  # noqa: B023
 
-    browser.page.locator("input[value='1']").first.click()
+    browser.page.locator("input[value='1']:visible").first.click()
     browser.page.get_by_role("option", name="4", exact=True).click()
     until(lambda: player.speed == 4.0)
     browser.page.get_by_role("checkbox").first.click(force=True)
