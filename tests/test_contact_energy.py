@@ -57,7 +57,7 @@ def test_layers_thrown_together_lose_energy_and_as_much_at_any_step(name):
         for k in range(3)
     ]
     model, ends = wc.Model.build([bed, *falling]), []
-    for substeps in (150, 600):
+    for substeps in (150, 600, 2400):
         sim = wc.Simulation(model, name, substeps=substeps, contact="all")
         energies = [sim.energy()["total"]]
         for _ in range(5):
@@ -65,7 +65,7 @@ def test_layers_thrown_together_lose_energy_and_as_much_at_any_step(name):
             energies.append(sim.energy()["total"])
         assert np.diff(energies).max() < 0.0
         ends.append(energies[-1] / energies[0])
-    assert ends[0] == pytest.approx(ends[1], abs=0.1)
+    assert np.ptp(ends) < 0.1
     assert ends[0] < 0.5
 
 
