@@ -163,6 +163,7 @@ def scatter_forces(
 @wp.kernel
 def moments(
     # Model
+    thread_offset: int,
     elements: BendingModel,
     # State in
     slip: wp.array(dtype=real),
@@ -172,13 +173,14 @@ def moments(
     moments_out: wp.array(dtype=Moments),
 ):
     """Moments of all elements, for :func:`gather_forces`."""
-    e = wp.tid()
+    e = thread_offset + wp.tid()
     moments_out[e] = element_moments(elements, e, slip, particle_q, particle_qd)
 
 
 @wp.kernel
 def gather_forces(
     # Model
+    thread_offset: int,
     elements: BendingModel,
     row_start: wp.array(dtype=wp.int32),
     row_entry: wp.array(dtype=wp.int32),
@@ -189,7 +191,7 @@ def gather_forces(
     particle_f_out: wp.array(dtype=vec3),
 ):
     """One thread per particle sums its entries in a fixed order: bitwise repeatable on any device."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     total = vec3()
     for row in range(row_start[i], row_start[i + 1]):
         k = row_entry[row]
@@ -227,6 +229,7 @@ def energy(
 @wp.kernel
 def advance_slip(
     # Model
+    thread_offset: int,
     elements: BendingModel,
     # State in
     particle_q: wp.array(dtype=vec3),
@@ -234,7 +237,7 @@ def advance_slip(
     slip_out: wp.array(dtype=real),
 ):
     """At the end of a step: what slipped in it."""
-    e = wp.tid()
+    e = thread_offset + wp.tid()
     friction = elements.friction[e]
     if friction[1] > real(0.0):
         sums = element_sums(elements, e, particle_q)

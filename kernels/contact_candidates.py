@@ -9,6 +9,7 @@ import sys
 
 import warp as wp
 
+from .counting import count_up
 from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -70,6 +71,7 @@ def sum_drift(
 @wp.kernel
 def remove_drift(
     # Model
+    thread_offset: int,
     particle_world: wp.array(dtype=wp.int32),
     # State in
     particle_to: wp.array(dtype=vec3),
@@ -78,7 +80,7 @@ def remove_drift(
     particle_out: wp.array(dtype=vec3),
 ):
     """Ends of ways as seen by who moves with the mean of the world: cloth that falls does not sweep."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     d = drift[particle_world[i]]
     particle_out[i] = particle_to[i] - vec3(real(d[0]), real(d[1]), real(d[2]))
 
@@ -86,6 +88,7 @@ def remove_drift(
 @wp.kernel
 def swept_bounds(
     # Model
+    thread_offset: int,
     tri_indices: wp.array2d(dtype=wp.int32),
     # State in
     particle_from: wp.array(dtype=vec3),
@@ -107,7 +110,7 @@ def swept_bounds(
     Where the known box does not hold it, that becomes the same with ``room`` [m] more, and ``moved`` is 1, else 0.
     A triangle is active if one of its corners is; of others the way is the same as it was.
     """
-    t = wp.tid()
+    t = thread_offset + wp.tid()
     corners = triangle(tri_indices, t)
     looked_at = active[corners[0]] | active[corners[1]] | active[corners[2]]
     tri_active_out[t] = looked_at
@@ -143,6 +146,7 @@ def swept_bounds(
 @wp.kernel
 def keep_pairs(
     # Model
+    thread_offset: int,
     stride: int,
     # State in
     old: TrianglePairs,
@@ -151,10 +155,10 @@ def keep_pairs(
     pairs_out: TrianglePairs,
 ):
     """Copies the pairs of two triangles that have not moved."""
-    for k in range(wp.tid(), wp.min(old.count[0], old.pair.shape[0]), stride):
+    for k in range(thread_offset + wp.tid(), wp.min(old.count[0], old.pair.shape[0]), stride):
         pair = old.pair[k]
         if moved[pair[0]] == 0 and moved[pair[1]] == 0:
-            n = wp.atomic_add(pairs_out.count, 0, 1)
+            n = count_up(pairs_out.count, 0, 1)
             if n < pairs_out.pair.shape[0]:
                 pairs_out.pair[n] = pair
 
@@ -162,6 +166,7 @@ def keep_pairs(
 @wp.kernel
 def find_triangle_pairs(
     # Model
+    thread_offset: int,
     tri_indices: wp.array2d(dtype=wp.int32),
     particle_world: wp.array(dtype=wp.int32),
     cloth_tris: int,
@@ -175,7 +180,7 @@ def find_triangle_pairs(
 ):
     """Adds all pairs of the triangles that have moved, once each: of one world, not of two obstacles, without
     common vertices."""
-    t = wp.tid()
+    t = thread_offset + wp.tid()
     if moved[t] == 0:
         return
     world = particle_world[tri_indices[t, 0]]
@@ -187,7 +192,7 @@ def find_triangle_pairs(
         if particle_world[tri_indices[u, 0]] == world and not common_vertex(
             triangle(tri_indices, t), triangle(tri_indices, u)
         ):
-            n = wp.atomic_add(pairs_out.count, 0, 1)
+            n = count_up(pairs_out.count, 0, 1)
             if n < pairs_out.pair.shape[0]:
                 pairs_out.pair[n] = wp.vec2i(wp.min(t, u), wp.max(t, u))  # in an order that does not tell what moved
 

@@ -12,6 +12,7 @@ import sys
 import warp as wp
 
 from .contact_candidates import TrianglePairs
+from .counting import count_up
 from .precision import FORWARD_ONLY, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -46,6 +47,7 @@ def passes(up: wp.vec3d, a: wp.vec3d, b: wp.vec3d):
 @wp.kernel
 def find_flat_fans(
     # Model
+    thread_offset: int,
     fan_start: wp.array(dtype=wp.int32),
     fan_spokes: wp.array(dtype=wp.vec2i),
     fan_turns: wp.array(dtype=wp.int32),
@@ -63,7 +65,7 @@ def find_flat_fans(
     might open further, so its spokes may turn by less than a right angle, and must not pass the first spoke from
     wherever either is at the start to wherever the other is at the end.
     """
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     turns = fan_turns[i]
     first = fan_start[i]
     last = fan_start[i + 1]
@@ -102,6 +104,7 @@ def find_flat_fans(
 @wp.kernel
 def add_fan_pairs(
     # Model
+    thread_offset: int,
     shared: wp.array(dtype=wp.vec4i),
     # State in
     flat: wp.array(dtype=wp.int32),
@@ -112,8 +115,8 @@ def add_fan_pairs(
 
     ``shared`` holds two triangles, and their one or two common vertices (one is given twice).
     """
-    s = shared[wp.tid()]
+    s = shared[thread_offset + wp.tid()]
     if flat[s[2]] == 0 and flat[s[3]] == 0:
-        n = wp.atomic_add(pairs_out.count, 0, 1)
+        n = count_up(pairs_out.count, 0, 1)
         if n < pairs_out.pair.shape[0]:
             pairs_out.pair[n] = wp.vec2i(s[0], s[1])

@@ -13,6 +13,7 @@ import warp as wp
 from .closest import time_of_impact
 from .contact_clusters import Clusters, common_way, unite
 from .contact_pairs import Pairs, narrow, wide
+from .counting import count_up
 from .motion import Tracks, pose_at, rotation_matrix
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import MESH, Placement, Shapes, distance, to_local, to_real3, to_world
@@ -26,6 +27,7 @@ REST = wp.constant(0)  # the carrier of what stays where it is
 @wp.kernel
 def count_torn(
     # Model
+    thread_offset: int,
     tri_indices: wp.array2d(dtype=wp.int32),
     particle_world: wp.array(dtype=wp.int32),
     particle_rest: wp.array(dtype=vec3),
@@ -36,13 +38,13 @@ def count_torn(
     torn_out: wp.array(dtype=wp.int32),
 ):
     """Counts, per world, edges of triangles more than ``limit`` times as long as at rest, or of no number."""
-    t = wp.tid()
+    t = thread_offset + wp.tid()
     for k in range(3):
         a = tri_indices[t, k]
         b = tri_indices[t, (k + 1) % 3]
         rest = wp.length(wide(particle_rest[b]) - wide(particle_rest[a]))
         if not wp.length(wide(particle_q[b]) - wide(particle_q[a])) <= limit * rest:
-            wp.atomic_add(torn_out, particle_world[a], 1)
+            count_up(torn_out, particle_world[a], 1)
 
 
 @wp.kernel
@@ -137,6 +139,7 @@ def carried_way(
 @wp.kernel
 def find_ends(
     # Model
+    thread_offset: int,
     cloth_particles: int,
     # State in
     particle_from: wp.array(dtype=vec3),
@@ -150,7 +153,7 @@ def find_ends(
     particle_end_out: wp.array(dtype=vec3),
 ):
     """Where particles end that leave home by a fraction of their way only; obstacles are where they must be."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     particle_end_out[i] = particle_to[i]
     f = fraction[i]
     if i < cloth_particles and f < wp.float64(1.0):
@@ -238,9 +241,9 @@ def limit_motion(
                     wp.atomic_max(carrier_out, i[m], wp.where(rests, with_whom, REST))
                     changed += 1
         if changed > 0:
-            wp.atomic_add(held_back_out, 0, changed)
+            count_up(held_back_out, 0, changed)
         else:
-            wp.atomic_add(counts_out, 1, 1)
+            count_up(counts_out, 1, 1)
 
 
 @wp.kernel
@@ -276,15 +279,16 @@ def limit_by_shapes(
                 who = wp.where(shapes.track[s] >= 0, s + 1, REST)
                 if f > wp.float64(0.0):
                     fraction_out[i] = wp.float64(0.0)
-                    wp.atomic_add(held_back_out, 0, 1)
+                    count_up(held_back_out, 0, 1)
                 elif carrier[i] < who:
                     wp.atomic_max(carrier_out, i, who)
-                    wp.atomic_add(held_back_out, 0, 1)
+                    count_up(held_back_out, 0, 1)
 
 
 @wp.kernel
 def apply_limit(
     # State in
+    thread_offset: int,
     particle_from: wp.array(dtype=vec3),
     particle_end: wp.array(dtype=vec3),
     fraction: wp.array(dtype=wp.float64),
@@ -299,10 +303,10 @@ def apply_limit(
     counts_out: wp.array(dtype=wp.int32),
 ):
     """Held-back particles stop where they may, and keep as much of their speed as of their way."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     f = fraction[i]
     if f < wp.float64(1.0):
         carried = carried_way(i, particle_from[i], carrier[i], clusters, place_from, place_to)
         particle_q_out[i] = particle_end[i]
         particle_qd_out[i] = narrow(f * wide(particle_qd_out[i]) + ((wp.float64(1.0) - f) / span) * carried)
-        wp.atomic_add(counts_out, 0, 1)
+        count_up(counts_out, 0, 1)

@@ -11,6 +11,7 @@ import warp as wp
 from .closest import combine, pair_weights, time_of_impact
 from .contact_pairs import Pairs, wide
 from .contact_response import KICK_UNIT, MOVE_UNIT, add_fixed, add_share, crowd, effective_mobility, relative_motion
+from .counting import count_up
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import MESH, Placement, Shapes, distance, to_local, to_world
 
@@ -20,6 +21,7 @@ wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 @wp.kernel
 def find_impacts(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     pairs: Pairs,
     separation: wp.float64,
@@ -46,7 +48,7 @@ def find_impacts(
     """
     grown = wp.min(wp.float64(rounds[0]) / patience, wp.float64(1.0))
     share = clearance + grown * (wp.float64(1.0) - clearance)
-    for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
+    for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
         zero = wp.float64(0.0)
         x0 = wide(particle_from[i[0]])
@@ -72,7 +74,7 @@ def find_impacts(
         n = wp.normalize(d)
         reach = share * pairs.distance[k]
         gap = wp.dot(d + (wp.float64(1.0) - t) * combine(w, u0, u1, u2, u3), n)
-        wp.atomic_add(impacts_out, 0, 1)
+        count_up(impacts_out, 0, 1)
         for m in range(4):
             met_out[i[m]] = 1
         if gap < reach:
@@ -85,6 +87,7 @@ def find_impacts(
 @wp.kernel
 def bounce(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     particle_friction: wp.array(dtype=real),
     pairs: Pairs,
@@ -109,7 +112,7 @@ def bounce(
     All pairs act at once, each by its part; see :func:`contact_response.push_contacts`. Obstacles have no velocities of
     their own: theirs is their way over the interval of ``span`` [s].
     """
-    for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
+    for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         if depth[k] <= wp.float64(0.0) or impacts[0] == 0:
             continue
         i = pairs.particles[k]
@@ -143,6 +146,7 @@ def bounce(
 @wp.kernel
 def keep_out(
     # Model
+    thread_offset: int,
     particle_world: wp.array(dtype=wp.int32),
     particle_radius: wp.array(dtype=real),
     shapes: Shapes,
@@ -157,7 +161,7 @@ def keep_out(
     Others stay, so that a world does not feel the impacts of another. Meshes are not looked at: their triangles take
     part in the impacts.
     """
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     if particle_q_out[i] == particle_before[i]:
         return
     w = particle_world[i]

@@ -10,6 +10,7 @@ import warp as wp
 
 from .closest import combine, pair_weights
 from .contact_candidates import TrianglePairs, low_corner, padding, triangle
+from .counting import count_up
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import Placement, to_world
 
@@ -41,6 +42,7 @@ def narrow(x: wp.vec3d):
 @wp.kernel
 def place_points(
     # Model
+    thread_offset: int,
     first: int,
     point_shape: wp.array(dtype=wp.int32),
     point_local: wp.array(dtype=wp.vec3),
@@ -50,7 +52,7 @@ def place_points(
     particle_out: wp.array(dtype=vec3),
 ):
     """Obstacle vertices in the world, after the ``first`` particles."""
-    k = wp.tid()
+    k = thread_offset + wp.tid()
     x = point_local[k]
     particle_out[first + k] = to_world(place[point_shape[k]], vec3(real(x[0]), real(x[1]), real(x[2])))
 
@@ -58,13 +60,14 @@ def place_points(
 @wp.kernel
 def foresee(
     # State in
+    thread_offset: int,
     particle_qd: wp.array(dtype=vec3),
     dt: real,
     # Out
     particle_out: wp.array(dtype=vec3),
 ):
     """Where particles would be after dt [s] at their velocities."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     particle_out[i] = particle_out[i] + dt * particle_qd[i]
 
 
@@ -153,7 +156,7 @@ def add_pair(
         r3 = wide(rest[i[3]])
         at_rest = wp.length(combine(pair_weights(kind, r0, r1, r2, r3), r0, r1, r2, r3))
         contact = wp.min(contact, wp.float64(0.5) * at_rest)
-    n = wp.atomic_add(pairs.count, 0, 1)
+    n = count_up(pairs.count, 0, 1)
     if n < pairs.kind.shape[0]:
         pairs.kind[n] = kind
         pairs.particles[n] = i
@@ -204,6 +207,7 @@ def ways_apart(kind: int, i: wp.vec4i, start: wp.array(dtype=vec3), end: wp.arra
 @wp.kernel
 def find_pairs(
     # Model
+    thread_offset: int,
     tri_indices: wp.array2d(dtype=wp.int32),
     tri_owned: wp.array(dtype=wp.int32),
     particle_body: wp.array(dtype=wp.int32),
@@ -228,7 +232,7 @@ def find_pairs(
     One triangle of the two must be active. A vertex or edge is looked at by the one triangle that owns it (bits 0–2 and
     3–5 of ``tri_owned``). Boxes of the triangles' ways (``lower``, ``upper``) hold at least half the margin.
     """
-    for n in range(wp.tid(), wp.min(candidates.count[0], candidates.pair.shape[0]), stride):
+    for n in range(thread_offset + wp.tid(), wp.min(candidates.count[0], candidates.pair.shape[0]), stride):
         t = candidates.pair[n][0]
         u = candidates.pair[n][1]
         if tri_active[t] == 0 and tri_active[u] == 0:

@@ -6,6 +6,7 @@ import warp as wp
 
 from .closest import combine, pair_weights
 from .contact_pairs import Pairs, narrow, wide
+from .counting import add_whole, add_whole_at
 from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -26,7 +27,7 @@ SHARE_UNIT = wp.constant(wp.float64(2.0**40))
 def add_fixed(sums_out: wp.array2d(dtype=wp.int64), i: int, x: wp.vec3d, unit: wp.float64):
     """Adds x to row i."""
     for m in range(3):
-        wp.atomic_add(sums_out, i, m, wp.int64(wp.round(unit * x[m])))
+        add_whole_at(sums_out, i, m, wp.int64(wp.round(unit * x[m])))
 
 
 @wp.func
@@ -39,7 +40,7 @@ def from_fixed(sums: wp.array2d(dtype=wp.int64), i: int, unit: wp.float64):
 def add_share(share_out: wp.array(dtype=wp.int64), i: wp.vec4i, w: wp.vec4d):
     """Adds the weights' magnitudes to the sums of the four particles."""
     for m in range(4):
-        wp.atomic_add(share_out, i[m], wp.int64(wp.round(SHARE_UNIT * wp.abs(w[m]))))
+        add_whole(share_out, i[m], wp.int64(wp.round(SHARE_UNIT * wp.abs(w[m]))))
 
 
 @wp.func
@@ -73,6 +74,7 @@ def relative_motion(start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), i: w
 @wp.kernel
 def find_contacts(
     # Model
+    thread_offset: int,
     pairs: Pairs,
     stride: int,
     # State in
@@ -84,7 +86,7 @@ def find_contacts(
     share_out: wp.array(dtype=wp.int64),
 ):
     """Which pairs are closer than their contact distance: weights, normal, depth [m]; and Σ |weight| per particle."""
-    for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
+    for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
         x0 = wide(particle_q[i[0]])
         x1 = wide(particle_q[i[1]])
@@ -124,6 +126,7 @@ def rubbed(moved: wp.vec3d, n: wp.vec3d, most: wp.float64, part: wp.float64):
 @wp.kernel
 def push_contacts(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     particle_friction: wp.array(dtype=real),
     pairs: Pairs,
@@ -153,7 +156,7 @@ def push_contacts(
     the tangential motion. (Measured on a pile of four sheets at rest, root mean square velocity that the positions do
     not have: 0.12 m/s with the part of the approach instead, 0.012 m/s so.)
     """
-    for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
+    for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         if depth[k] <= wp.float64(0.0):
             continue
         i = pairs.particles[k]
@@ -182,6 +185,7 @@ def push_contacts(
 @wp.kernel
 def commit_push(
     # Model
+    thread_offset: int,
     dt: wp.float64,
     # Out
     particle_q_out: wp.array(dtype=vec3),
@@ -192,7 +196,7 @@ def commit_push(
     particle_free_out: wp.array(dtype=vec3),
 ):
     """Adds what the contacts ask for, over dt [s], and clears the sums for the next round."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     if share_out[i] > wp.int64(0):
         particle_q_out[i] = narrow(wide(particle_q_out[i]) + from_fixed(move_out, i, MOVE_UNIT))
         kick = from_fixed(kick_out, i, KICK_UNIT)

@@ -23,6 +23,7 @@ def weighted_sum(first: vec3, stage_f: wp.array2d(dtype=vec3), i: int, count: in
 @wp.kernel
 def advance(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     # State in
     particle_q: wp.array(dtype=vec3),
@@ -42,7 +43,7 @@ def advance(
     As x′ = v is linear, stage velocities need not be kept: forces alone carry all stages. Pinned particles (1/m = 0)
     stay; their driver moves them. May work in place.
     """
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     inv_mass = particle_inv_mass[i]
     x = particle_q[i]
     v = particle_qd[i]

@@ -30,6 +30,7 @@ def mesh_distance(mesh: wp.uint64, x: vec3, most: real):
 @wp.kernel
 def find_clearance(
     # Model
+    thread_offset: int,
     particle_world: wp.array(dtype=wp.int32),
     particle_radius: wp.array(dtype=real),
     shapes: Shapes,
@@ -42,7 +43,7 @@ def find_clearance(
     clearance_out: wp.array(dtype=real),
 ):
     """Way [m] that each particle is free to go; no more is looked for than what may be used within ``span`` [s]."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     w = particle_world[i]
     clearance = real(4.0) * particle_radius[i] + real(2.0) * span * wp.length(particle_qd[i])
     for s in range(shapes.world_start[w], shapes.world_start[w + 1]):

@@ -116,6 +116,7 @@ def answer(
 @wp.kernel(enable_backward=False)
 def respond(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     particle_world: wp.array(dtype=wp.int32),
     particle_radius: wp.array(dtype=real),
@@ -140,7 +141,7 @@ def respond(
     ``impulse`` [m/s] of obstacle ``impulse_shape``, unless that is −1, is already in the velocities. Particles that
     have been within ``clearance`` of ``clear_of`` all the while have met nothing; see ``obstacle_clearance.py``.
     """
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     free = clearance[i]
     here = clear_of[i]
     clear = wp.length(particle_q[i] - here) < free and wp.length(particle_q_out[i] - here) < free
@@ -175,6 +176,7 @@ def respond(
 @wp.kernel
 def respond_once(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     particle_world: wp.array(dtype=wp.int32),
     particle_radius: wp.array(dtype=real),
@@ -200,7 +202,7 @@ def respond_once(
     Its loops are launches instead, as adjoints of loops do not know earlier values. The ``first`` pass is for all
     particles, each further one for those of which the last one said so in ``again_out``.
     """
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     s = shapes.world_start[particle_world[i]] + shape
     wanted = first == 1 or again_out[i] == 1
     again_out[i] = 0

@@ -12,6 +12,7 @@ wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 @wp.kernel
 def set_gravity_force(
     # Model
+    thread_offset: int,
     particle_mass: wp.array(dtype=real),
     particle_world: wp.array(dtype=wp.int32),
     world_gravity: wp.array(dtype=vec3),
@@ -19,7 +20,7 @@ def set_gravity_force(
     particle_f_out: wp.array(dtype=vec3),
 ):
     """Starts a force evaluation: f = m g, overwriting what was there."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     particle_f_out[i] = particle_mass[i] * world_gravity[particle_world[i]]
 
 

@@ -17,6 +17,7 @@ wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 @wp.kernel
 def predict(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     # State in
     particle_q: wp.array(dtype=vec3),
@@ -35,7 +36,7 @@ def predict(
 
     Pinned particles stay; their driver moves them.
     """
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     w = particle_inv_mass[i]
     inertial = vec3()
     if w > real(0.0):
@@ -64,6 +65,7 @@ def displace_pins(
 @wp.kernel
 def finish(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     # State in
     particle_q: wp.array(dtype=vec3),
@@ -76,7 +78,7 @@ def finish(
     particle_qd_out: wp.array(dtype=vec3),
 ):
     """x = x₀ + δ and v = δ/h of free particles; keeps the acceleration by springs (δ − δ̂)/h² for the next step."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     if particle_inv_mass[i] > real(0.0):
         particle_q_out[i] = particle_q[i] + displacement[i]
         particle_qd_out[i] = displacement[i] / dt

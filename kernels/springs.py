@@ -36,6 +36,7 @@ def scatter_forces(
 @wp.kernel
 def gather_forces(
     # Model
+    thread_offset: int,
     particle_spring_start: wp.array(dtype=wp.int32),
     particle_spring_ids: wp.array(dtype=wp.int32),
     spring_indices: wp.array(dtype=wp.vec2i),
@@ -49,7 +50,7 @@ def gather_forces(
     particle_f_out: wp.array(dtype=vec3),
 ):
     """One thread per particle sums its springs in the order of their numbers: bitwise repeatable on any device."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     x = particle_q[i]
     v = particle_qd[i]
     total = vec3()

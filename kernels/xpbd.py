@@ -27,6 +27,7 @@ wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 @wp.kernel
 def arrange_law(
     # Model
+    thread_offset: int,
     spring_order: wp.array(dtype=wp.int32),
     spring_rest_length: wp.array(dtype=real),
     spring_stiffness: wp.array(dtype=real),
@@ -35,7 +36,7 @@ def arrange_law(
     spring_law_out: wp.array(dtype=vec3),
 ):
     """(r [m], k_s/r [N/m], k_d/r [N s/m]) of the springs in the order of their colours."""
-    j = wp.tid()
+    j = thread_offset + wp.tid()
     s = spring_order[j]
     r = spring_rest_length[s]
     spring_law_out[j] = vec3(r, spring_stiffness[s] / r, spring_damping[s] / r)
@@ -44,6 +45,7 @@ def arrange_law(
 @wp.kernel
 def solve_springs(
     # Model
+    thread_offset: int,
     spring_ends: wp.array(dtype=wp.vec2i),
     spring_law: wp.array(dtype=vec3),
     particle_inv_mass: wp.array(dtype=real),
@@ -59,7 +61,7 @@ def solve_springs(
 
     ``spring_force_out`` [N] is that of the sweep before, of which the displacements contain the share ``kept``.
     """
-    s = wp.tid()
+    s = thread_offset + wp.tid()
     p = spring_ends[s][0]
     q = spring_ends[s][1]
     law = spring_law[s]

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from .kernels import KernelSet
+from .launching import launch, refit
 from .obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
 
 
@@ -134,7 +135,7 @@ class CollisionShapes:
         """Placements at the worlds' time and dt [s] later; deforming meshes move to the later time."""
         if self.count == 0:
             return
-        wp.launch(
+        launch(
             self.kernels.shapes.place_shapes,
             dim=self.count,
             inputs=[self.shapes, tracks, world_time, dt],
@@ -142,11 +143,11 @@ class CollisionShapes:
             device=self.device,
         )
         for item in self.deforming:
-            wp.launch(
+            launch(
                 self.kernels.shapes.sample_mesh_points,
                 dim=len(item.mesh.points),
                 inputs=[item.times, item.points, item.world, world_time, dt],
                 outputs=[item.mesh.points, item.mesh.velocities],
                 device=self.device,
             )
-            item.mesh.refit()
+            refit(item.mesh)

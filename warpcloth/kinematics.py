@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from .kernels import KernelSet
+from .launching import launch
 from .motion import Motion
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def drive_pins(
     pins = model.moving_pins
     if len(pins.particle) == 0:
         return
-    wp.launch(
+    launch(
         model.kernels.motion.drive_pins,
         dim=len(pins.particle),
         inputs=[

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import warp as wp
 
 from . import diagnostics, stability, validate
 from .air import Air
@@ -14,11 +13,13 @@ from .force_terms import force_terms, world_gravity
 from .forces import Forces, Grabs
 from .forces.grabs import Hold
 from .forces.user import UserForce
+from .frames import Frames
 from .grab import Grab, GrabTape, make_hold
 from .hooks import Hook
 from .integrators import make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
+from .launching import launch
 from .lookout import Lookout
 from .model import Model
 from .recording import missed_pairs, recordable_substeps
@@ -42,13 +43,15 @@ class Simulation:
         contact: "obstacles", "all" (cloth with itself, other cloth and the edges of obstacles, too), or "none".
         air: the :class:`Air` that triangles of cloth move through, or one per world; None: a vacuum.
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
-        graph: capture each frame as a graph and replay it, where the device can.
+        graph: record each frame and replay it, where integrator and device can.
         check: after each frame, raise if anything is not finite.
         forces: forces of your own, besides those of the model.
         hooks: what you do between the stages of each substep.
         untangled: try to resolve intersections at the start; what that did is in the attribute of the same name.
         profile: time the stages of each frame; it then runs without graphs, to the same result.
         check_start: refuse cloth that starts inside an obstacle or intersecting.
+        threads: cores of the CPU to use; None: all, but for small models. The result is the same with any number.
+            Frames with forces or hooks of yours use one.
 
     Raises:
         InputError: on unknown names or numbers out of range.
@@ -82,6 +85,7 @@ class Simulation:
         forces: Sequence[UserForce] = (),
         hooks: Sequence[Hook] = (),
         check_start: bool = True,
+        threads: int | None = None,
     ):
         self.model = model
         self.integrator = make_integrator(integrator, model, integrator_options)
@@ -105,16 +109,14 @@ class Simulation:
         if self._auto:
             validate.choice(substeps, ("auto",), "substeps")
         self.substeps = 0 if self._auto else validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
-        # Warp records no mesh refit into a CPU graph (1.19), so frames with deforming obstacles run directly there.
-        records = self.integrator.capturable and not (model.shapes.deforming and model.device.is_cpu)
         self.watch = Stopwatch(model.device, validate.flag(profile, "profile"))
-        self.graph = validate.flag(graph, "graph") and records and not self.watch.active
+        replay = validate.flag(graph, "graph") and self.integrator.capturable and not self.watch.active
+        self._frames = Frames(model, replay, bool(self.hooks or forces), threads)
+        self.graph = self._frames.replay
         self.check = validate.flag(check, "check")
         self.time = 0.0
         self.tape = GrabTape()
         self._grabs: Grabs | None = None
-        self._graphs: dict[tuple[float, int], wp.Graph] = {}
-        self._ran: set[tuple[float, int]] = set()
         self._lookout = Lookout(model, self.integrator, self.contact)
         self.untangled = untangle(model, self.state) if validate.flag(untangled, "untangled") else None
         self._reset = WorldReset(model, self.state)
@@ -147,10 +149,11 @@ class Simulation:
             self._grabs.begin_frame(self.time, dt, dt / self.substeps)
         self._backup.keep(self.state)
         self.contact.remember()
-        self._advance(dt, self.substeps)
+        key = (dt, self.substeps)
+        self._frames.run(key, lambda: self._frame(*key))
         while self.contact.grow():
             self._restore()
-            self._advance(dt, self.substeps)
+            self._frames.run(key, lambda: self._frame(*key))
         self.time += dt
         if self.check:
             self._lookout.look(self._backup.before, self.state, self.time, dt, self.substeps)
@@ -184,7 +187,7 @@ class Simulation:
             DivergedError: the integrator moved cloth absurdly far.
         """
         if self.contact.grow():
-            self._forget_frames()
+            self._frames.forget()
             raise missed_pairs()
         self.time = float(self.state.world_time.numpy().max())
 
@@ -228,7 +231,7 @@ class Simulation:
             explicit = not self.integrator.implicit or self.integrator.solves_springs_only
             self._grabs = Grabs(self.model, explicit)
             self.forces.terms.append(self._grabs)
-            self._forget_frames()
+            self._frames.forget()
         return Grab(self, self._grabs, hold, validate.vector(target, "target"))
 
     def energy(self) -> dict[str, float]:
@@ -268,19 +271,6 @@ class Simulation:
         self.time, self.substeps, self._auto_step = other.time, other.substeps, other._auto_step
         self._lookout.rest_since = other._lookout.rest_since[keep]
 
-    def _advance(self, dt: float, substeps: int) -> None:
-        """A frame, from a graph once the same frame has run before (a first run loads the kernels)."""
-        key = (dt, substeps)
-        if not self.graph or key not in self._ran:
-            self._frame(dt, substeps)
-            self._ran.add(key)
-            return
-        if key not in self._graphs:
-            with wp.ScopedCapture(device=self.model.device) as capture:
-                self._frame(dt, substeps)
-            self._graphs = {key: capture.graph}
-        wp.capture_launch(self._graphs[key])
-
     def _frame(self, dt: float, substeps: int) -> None:
         now, later = self.state, self._other
         now.forces_current = False  # the caller may have changed the state since the last frame
@@ -314,7 +304,7 @@ class Simulation:
             hook.after_step(now, later, dt)
         self.forces.advance(later)
         later.forces_current &= not (self.contact.acts or self.hooks)
-        wp.launch(
+        launch(
             self.model.kernels.particles.advance_time,
             dim=self.model.world_count,
             inputs=[dt],
@@ -326,12 +316,7 @@ class Simulation:
         """Back to the state before the frame."""
         self.integrator.reset()
         self._backup.restore(self.state)
-        self._forget_frames()
-
-    def _forget_frames(self) -> None:
-        """Graphs of frames hold arrays that have been replaced, or lack what is new."""
-        self._graphs.clear()
-        self._ran.clear()
+        self._frames.forget()
 
     def _stable_substeps(self, dt: float) -> int:
         self._auto_step = self._auto_step or stability.automatic_step(self.model, self.integrator)

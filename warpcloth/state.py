@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
+from .launching import copy
+
 if TYPE_CHECKING:
     from .model import Model
 
@@ -60,6 +62,6 @@ class State:
 
     def copy_from(self, other: "State") -> None:
         """Positions, velocities and forces of another state; no allocation."""
-        wp.copy(self.particle_q, other.particle_q)
-        wp.copy(self.particle_qd, other.particle_qd)
-        wp.copy(self.particle_f, other.particle_f)
+        copy(self.particle_q, other.particle_q)
+        copy(self.particle_qd, other.particle_qd)
+        copy(self.particle_f, other.particle_f)

@@ -7,6 +7,7 @@ obstacle meet cloth just as cloth does, and cannot poke through between its part
 import numpy as np
 import warp as wp
 
+from .launching import copy, launch
 from .model import Model
 from .obstacles import Box, MeshObstacle, Obstacle
 from .transforms import apply, rotation_matrix
@@ -101,13 +102,13 @@ class Surface:
 
     def place(self, particle_q: wp.array, placements: wp.array, out: wp.array) -> None:
         """Writes the positions of all particles: cloth from ``particle_q``, obstacles from ``placements``."""
-        wp.copy(out, particle_q, count=self.cloth_particles)
+        copy(out, particle_q, count=self.cloth_particles)
         extra = self.particle_count - self.cloth_particles
         if extra == 0:
             return
         for mesh, first in self._deforming:
-            wp.copy(self._local, mesh.points, dest_offset=first, count=len(mesh.points))
-        wp.launch(
+            copy(self._local, mesh.points, dest_offset=first, count=len(mesh.points))
+        launch(
             self.model.kernels.contact_pairs.place_points,
             dim=extra,
             inputs=[self.cloth_particles, self.point_shape, self._local, placements],

@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 
 from ..errors import DivergedError
+from ..launching import copy, fill, launch, only_if, repeat_while
 from ..model import Model
 from ..obstacles import Obstacle
 from ..state import State
@@ -74,7 +75,7 @@ class ClothContact:
         self._launch(self.kernels.contact_pairs.foresee, model.particle_count, [state.particle_qd, span], [self.before])
         model.shapes.place(model.tracks, state.world_time, 0.0)
         surface.place(state.particle_q, model.shapes.end, self.now)
-        wp.copy(self.start, self.now)
+        copy(self.start, self.now)
         self.hold.begin(state)
         finder, reach = self.finder, REACH * surface.thickest
         finder.look_at_fans(self.start, self.start, finder.everything)
@@ -84,14 +85,14 @@ class ClothContact:
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``; obstacles have been placed."""
         model, surface = self.model, self.surface
-        wp.copy(self.before, self.now)
-        wp.copy(self.before, state_in.particle_q, count=model.particle_count)
+        copy(self.before, self.now)
+        copy(self.before, state_in.particle_q, count=model.particle_count)
         surface.place(state_out.particle_q, model.shapes.end, self.now)
-        wp.copy(self.free, self.now)
+        copy(self.free, self.now)
         for _ in range(PASSES):
             self._push_apart(dt)
             self._commit(state_out, dt)
-            wp.copy(self.now, state_out.particle_q, count=model.particle_count)
+            copy(self.now, state_out.particle_q, count=model.particle_count)
 
     def end(self, state: State, span: float) -> None:
         """Ends an interval of ``span`` [s] at ``state``: holds back what would have passed through cloth."""
@@ -101,22 +102,19 @@ class ClothContact:
             [model.tri_indices, model.particle_world, model.particle_q, TORN, state.particle_q],
             [self.torn],
         )  # fmt: skip
-        wp.copy(self.now, state.particle_q, count=model.particle_count)
-        self.rounds.zero_()
-        self.impacts.fill_(1)
-        self.remaining.zero_()
+        copy(self.now, state.particle_q, count=model.particle_count)
+        fill(self.rounds)
+        fill(self.impacts, 1)
+        fill(self.remaining)
         self._launch(self.kernels.contact_guard.give_up, model.world_count, [self.torn], [self.impacts])
-        self.met.fill_(1)
+        fill(self.met, 1)
         self.finder.measure_drift(self.start, self.now)
-        wp.capture_while(self.impacts, self._part, state=state, span=span)
-        wp.capture_if(
-            self.remaining, self.hold.run, state=state, span=span, start=self.start, now=self.now, met=self.met,
-            counts=self.counts,
-        )  # fmt: skip
+        repeat_while(self.impacts, lambda: self._part(state, span))
+        only_if(self.remaining, lambda: self.hold.run(state, span, self.start, self.now, self.met, self.counts))
 
     def remember(self) -> None:
         """Keeps what :meth:`grow` restores."""
-        wp.copy(self.counts_before, self.counts)
+        copy(self.counts_before, self.counts)
 
     def grow(self) -> bool:
         """Whether a list was too short; it is longer now, and all since :meth:`remember` must be done again.
@@ -133,7 +131,7 @@ class ClothContact:
             )
         short = any([self.pairs.grow(), self.finder.grow()])
         if short:
-            wp.copy(self.counts, self.counts_before)
+            copy(self.counts, self.counts_before)
         return short
 
     def metrics(self) -> dict[str, Any]:
@@ -164,8 +162,8 @@ class ClothContact:
         found, surface, kernels = self.pairs, self.surface, self.kernels
         self.finder.look_at_fans(self.start, self.now, self.met)
         self.finder.find(found, self.start, self.now, self.met, 2.0 * SEPARATION, self.finder.flat)
-        self.impacts.zero_()
-        self.met.zero_()
+        fill(self.impacts)
+        fill(self.met)
         self._launch(
             kernels.contact_impact.find_impacts, self.width,
             [
@@ -191,7 +189,7 @@ class ClothContact:
             [surface.world, surface.radius, self.model.shapes.shapes, self.now, self.model.shapes.end],
             [state.particle_q],
         )  # fmt: skip
-        wp.copy(self.now, state.particle_q, count=self.model.particle_count)
+        copy(self.now, state.particle_q, count=self.model.particle_count)
 
     def _push_apart(self, dt: float) -> None:
         """What all contacts at once ask for, on the way from ``before`` to ``now`` of dt [s]."""
@@ -217,4 +215,4 @@ class ClothContact:
         )  # fmt: skip
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
-        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
+        launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)

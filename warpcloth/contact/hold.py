@@ -3,6 +3,7 @@
 import numpy as np
 import warp as wp
 
+from ..launching import copy, fill, launch, repeat_while
 from ..model import Model
 from ..state import State
 from ..surface import Surface
@@ -58,7 +59,7 @@ class Hold:
             counts: to which the numbers of particles held back and of pinched pairs are added.
         """
         model, surface, kernels = self.model, self.surface, self.model.kernels.contact_guard
-        self._open.zero_()
+        fill(self._open)
         self._launch(kernels.open_worlds, surface.particle_count, [surface.world, met], [self._open])
         self._launch(
             kernels.let_go, surface.particle_count,
@@ -66,11 +67,11 @@ class Hold:
             [self._active, self._fraction, self._carrier],
         )  # fmt: skip
         self._launch(model.kernels.contact_clusters.part_clusters, surface.particle_count, [], [self._next_parent])
-        wp.copy(self._next_fraction, self._fraction)
-        wp.copy(self._next_carrier, self._carrier)
+        copy(self._next_fraction, self._fraction)
+        copy(self._next_carrier, self._carrier)
         self._place(state, self._place_to)
-        self._changed.fill_(1)
-        wp.capture_while(self._changed, self._round, start=start, now=now, counts=counts)
+        fill(self._changed, 1)
+        repeat_while(self._changed, lambda: self._round(start, now, counts))
         self._launch(
             kernels.apply_limit, model.particle_count,
             [
@@ -95,7 +96,7 @@ class Hold:
         )  # fmt: skip
         finder.look_at_fans(start, self._end, self._active)
         finder.find(self.pairs, start, self._end, self._active, 2.0 * self.separation, finder.flat)
-        self._changed.zero_()
+        fill(self._changed)
         self._launch(
             kernels.limit_motion, finder.width,
             [
@@ -112,13 +113,13 @@ class Hold:
             ],
             [self._next_fraction, self._next_carrier, self._changed],
         )  # fmt: skip
-        wp.copy(self._fraction, self._next_fraction)
-        wp.copy(self._carrier, self._next_carrier)
+        copy(self._fraction, self._next_fraction)
+        copy(self._carrier, self._next_carrier)
 
     def _find_clusters(self, start: wp.array, now: wp.array) -> None:
-        wp.copy(self._parent, self._next_parent)
+        copy(self._parent, self._next_parent)
         for sums in (self._clusters.size, self._clusters.mass, self._clusters.way):
-            sums.zero_()
+            fill(sums)
         self._launch(
             self.model.kernels.contact_clusters.find_clusters, self.surface.particle_count,
             [self.surface.inv_mass, start, now, self._parent],
@@ -139,7 +140,7 @@ class Hold:
         """Where carriers are at the state's time; obstacles have been placed."""
         model, pins, count = self.model, self.model.moving_pins, self.model.shapes.count
         if count > 0:
-            wp.copy(out, model.shapes.end, dest_offset=1, count=count)
+            copy(out[1 : 1 + count], model.shapes.end)
         if len(self._group_pin) > 0:
             self._launch(
                 self.model.kernels.contact_guard.place_pins, len(self._group_pin),
@@ -151,4 +152,4 @@ class Hold:
             )  # fmt: skip
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
-        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
+        launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from ..launching import copy, launch
 from ..model import Model
 from ..state import State
 from .obstacle_support import ObstacleSupport
@@ -26,8 +27,8 @@ class ObstacleResponse:
     def begin(self, state: State, span: float) -> None:
         """Looks which particles are far from all obstacles for some ``span`` [s]; obstacles have been placed."""
         model, shapes = self.model, self.model.shapes
-        wp.copy(self._clear_of, state.particle_q)
-        wp.launch(
+        copy(self._clear_of, state.particle_q)
+        launch(
             model.kernels.obstacle_clearance.find_clearance,
             dim=model.particle_count,
             inputs=[
@@ -43,7 +44,7 @@ class ObstacleResponse:
         model, shapes = self.model, self.model.shapes
         if shapes.count == 0:
             return
-        wp.launch(
+        launch(
             model.kernels.obstacle_contact.respond,
             dim=model.particle_count,
             inputs=[

@@ -3,6 +3,7 @@
 import warp as wp
 
 from ..forces import Linearization
+from ..launching import launch
 from ..model import Model
 from ..state import State
 
@@ -39,7 +40,7 @@ class ObstacleSupport:
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds the forces [N] at ``state``, the end of the step, to ``state.particle_f``."""
         force = self._unused if self._for_gradients else state.particle_f
-        wp.launch(
+        launch(
             self.model.kernels.obstacle_support.support,
             dim=self.model.particle_count,
             inputs=self._inputs(self._start, state),
@@ -57,7 +58,7 @@ class ObstacleSupport:
     def _launch_each(self, start: wp.array, end: State, shape: wp.array, force: wp.array, impulse: wp.array) -> None:
         """Obstacle by obstacle, by the kernel that has an adjoint."""
         for number in range(self.model.shapes.most):
-            wp.launch(
+            launch(
                 self.model.kernels.obstacle_support.support_once,
                 dim=self.model.particle_count,
                 inputs=[*self._inputs(start, end), shape, number],
@@ -95,7 +96,7 @@ class ObstacleSupport:
     def _launch(self, kernel: str, at: Linearization, x: list, out: wp.array) -> None:
         model = self.model
         blocks = [self.stiffness, self.damping, self.sliding]
-        wp.launch(
+        launch(
             getattr(model.kernels.obstacle_support, kernel),
             dim=model.particle_count,
             inputs=[model.particle_world, at.world_project, *blocks, *x, at.stiffness, at.damping],

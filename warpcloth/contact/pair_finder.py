@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..launching import copy, fill, launch, only_if, refit
 from ..model import Model
 from ..surface import Surface
 from .fans import fans_of
@@ -63,9 +64,9 @@ class PairFinder:
         surface = self.surface
         end = self._without_drift(end)
         self._bound(start, end, active, 0.5 * margin)
-        wp.capture_if(self.any_moved, on_true=self._renew_known, on_false=self._reuse_known)
+        only_if(self.any_moved, self._renew_known, self._reuse_known)
         self._launch(self.kernels.contact_fans.add_fan_pairs, len(self.shared), [self.shared, flat], [self.found])
-        target.pairs.count.zero_()
+        fill(target.pairs.count)
         self._launch(
             self.kernels.contact_pairs.find_pairs, self.width,
             [
@@ -80,7 +81,7 @@ class PairFinder:
 
     def measure_drift(self, start: wp.array, end: wp.array) -> None:
         """Notes the mean motion of each world; cloth that falls as a whole does not sweep what it falls through."""
-        self.drift.zero_()
+        fill(self.drift)
         surface = self.surface
         inputs = [surface.world, self.share, start, end]
         self._launch(self.kernels.contact_candidates.sum_drift, surface.cloth_particles, inputs, [self.drift])
@@ -99,7 +100,7 @@ class PairFinder:
     def grow(self) -> bool:
         """Makes room for half as much again as there was ever need of; False if there was room enough."""
         peak = int(self.peak.numpy()[0])
-        self.peak.zero_()
+        fill(self.peak)
         if peak <= self.capacity:
             return False
         self._allocate(peak + peak // 2)
@@ -107,8 +108,8 @@ class PairFinder:
 
     def forget(self) -> None:
         """Nothing is known of any triangle any more."""
-        self.known_lower.fill_(wp.vec3(1.0e30))
-        self.known_upper.fill_(wp.vec3(-1.0e30))
+        fill(self.known_lower, wp.vec3(1.0e30))
+        fill(self.known_upper, wp.vec3(-1.0e30))
 
     def _allocate(self, capacity: int) -> None:
         self.capacity = capacity
@@ -123,7 +124,7 @@ class PairFinder:
         return pairs
 
     def _bound(self, start: wp.array, end: wp.array, active: wp.array, margin: float) -> None:
-        self.any_moved.zero_()
+        fill(self.any_moved)
         self._launch(
             self.kernels.contact_candidates.swept_bounds, self.surface.tri_count,
             [self.surface.tri_indices, start, end, active, margin, self.room],
@@ -135,14 +136,14 @@ class PairFinder:
 
     def _reuse_known(self) -> None:
         """``found`` begins with a copy of ``known`` since that was last renewed."""
-        wp.copy(self.found.count, self.known.count)
+        copy(self.found.count, self.known.count)
 
     def _renew_known(self) -> None:
         """Looks up the pairs of triangles that have left their known boxes; ``found`` is a copy of ``known`` then."""
         surface, kernels, found = self.surface, self.kernels.contact_candidates, self.found
-        found.count.zero_()
+        fill(found.count)
         self._launch(kernels.keep_pairs, self.width, [self.width, self.known, self.moved], [found])
-        self.bvh.refit()
+        refit(self.bvh)
         self._launch(
             kernels.find_triangle_pairs, surface.tri_count,
             [
@@ -151,8 +152,8 @@ class PairFinder:
             ],
             [found],
         )  # fmt: skip
-        wp.copy(self.known.pair, found.pair)
-        wp.copy(self.known.count, found.count)
+        copy(self.known.pair, found.pair)
+        copy(self.known.count, found.count)
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
-        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
+        launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)

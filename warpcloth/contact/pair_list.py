@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from ..launching import fill
 from ..model import Model
 
 
@@ -24,7 +25,7 @@ class PairList:
     def grow(self) -> bool:
         """Makes room for half as much again as the peak, and clears it; False if there was room enough."""
         peak = int(self.peak.numpy()[0])
-        self.peak.zero_()
+        fill(self.peak)
         if peak <= self.capacity:
             return False
         self._allocate(peak + peak // 2)

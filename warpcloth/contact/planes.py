@@ -6,6 +6,7 @@ import warp as wp
 
 from .. import validate
 from ..kernels import KernelSet
+from ..launching import fill, launch
 from ..model import PRECISIONS, Model
 from ..state import State
 
@@ -60,8 +61,8 @@ class ContactPlanes:
 
     def list_all(self) -> None:
         """Takes note of the rows as they are now; :meth:`respond` uses them until the next call."""
-        self._first.fill_(-1)
-        wp.launch(
+        fill(self._first, -1)
+        launch(
             self.model.kernels.contact_planes.chain,
             dim=self.capacity,
             inputs=[self.planes],
@@ -72,7 +73,7 @@ class ContactPlanes:
     def respond(self, start: State, end: State, dt: float, elapsed: float = 0.0) -> None:
         """Corrects ``end``, dt [s] after ``start``, which is ``elapsed`` [s] after the planes were where they are."""
         model = self.model
-        wp.launch(
+        launch(
             model.kernels.contact_planes.respond,
             dim=model.particle_count,
             inputs=[

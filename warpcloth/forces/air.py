@@ -8,6 +8,7 @@ import warp as wp
 
 from ..air import Air
 from ..errors import InputError
+from ..launching import launch
 from ..model import Model
 from ..state import State
 from .base import Linearization
@@ -50,7 +51,7 @@ class AirDrag:
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds the air's forces [N] to ``state.particle_f``."""
         model = self.model
-        wp.launch(
+        launch(
             model.kernels.air.triangle_forces,
             dim=model.tri_count,
             inputs=[*self._law(), state.world_time, time_offset, state.particle_q, state.particle_qd],
@@ -67,7 +68,7 @@ class AirDrag:
         """Adds b C x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
         model, state = self.model, at.state
         where = [at.world_project, state.world_time, state.particle_q, state.particle_qd, x, at.damping]
-        wp.launch(
+        launch(
             model.kernels.air.triangle_products,
             dim=model.tri_count,
             inputs=[*self._law(), *where],
@@ -81,7 +82,7 @@ class AirDrag:
         model, state = self.model, at.state
         rows = [model.particle_corner_start, model.particle_corner_ids]
         where = [at.world_project, state.world_time, state.particle_q, state.particle_qd, at.damping]
-        wp.launch(
+        launch(
             model.kernels.air.diagonal,
             dim=model.particle_count,
             inputs=[*rows, *self._law(), *where],
@@ -102,7 +103,7 @@ class AirDrag:
 
     def _add_corners(self, out: wp.array) -> None:
         model = self.model
-        wp.launch(
+        launch(
             model.kernels.corners.add_corners,
             dim=model.particle_count,
             inputs=[

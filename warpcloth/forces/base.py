@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 
 import warp as wp
 
+from ..launching import launch
 from ..model import Model
 from ..state import Memory, State
 
@@ -130,7 +131,7 @@ class Forces:
         """
         model = self.model
         self.evaluations += 0 if without else 1
-        wp.launch(
+        launch(
             model.kernels.particles.set_gravity_force,
             dim=model.particle_count,
             inputs=[model.particle_mass, model.particle_world, self.world_gravity],
@@ -155,7 +156,7 @@ class Forces:
         """Potential energies [J] by name, gravity's (−Σ m g·x) included, summed over all worlds."""
         model = self.model
         out = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
-        wp.launch(
+        launch(
             model.kernels.particles.gravity_energy,
             dim=model.particle_count,
             inputs=[model.particle_mass, model.particle_world, self.world_gravity, state.particle_q],

@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from .. import validate
+from ..launching import launch
 from ..model import Model
 from ..state import Memory, State
 from .base import Linearization
@@ -64,7 +65,7 @@ class Bending:
 
     def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
         """Adds the diagonal blocks of a K + b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
-        wp.launch(
+        launch(
             self.model.kernels.bending_hessian.diagonal,
             dim=self.model.particle_count,
             inputs=[self.elements, *self._rows, self.slip, at.state.particle_q, at.stiffness, at.damping],
@@ -96,9 +97,9 @@ class Bending:
     def _launch(self, kernel: wp.Kernel, inputs: list, out: wp.array) -> None:
         """One thread per element."""
         model = self.model
-        wp.launch(kernel, dim=model.bend_count, inputs=[self.elements, *inputs], outputs=[out], device=model.device)
+        launch(kernel, dim=model.bend_count, inputs=[self.elements, *inputs], outputs=[out], device=model.device)
 
     def _gather(self, kernel: wp.Kernel, out: wp.array) -> None:
         """One thread per particle."""
         inputs = [self.elements, *self._rows, self._moments]
-        wp.launch(kernel, dim=self.model.particle_count, inputs=inputs, outputs=[out], device=self.model.device)
+        launch(kernel, dim=self.model.particle_count, inputs=inputs, outputs=[out], device=self.model.device)

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..errors import InputError
+from ..launching import fill, launch
 from ..model import Model
 from ..state import State
 from .base import Linearization
@@ -108,7 +109,7 @@ class Grabs:
 
     def energy(self, state: State) -> dict[str, float]:
         """Energy of the grabs' springs [J]."""
-        self._energy.zero_()
+        fill(self._energy)
         inputs = [self.model.particle_world, self._grabs, state.world_time, state.particle_q]
         self._launch("energy", inputs, self._energy)
         return {"grab": float(self._energy.numpy().sum())}
@@ -123,4 +124,4 @@ class Grabs:
 
     def _launch(self, kernel: str, inputs: list, out: wp.array) -> None:
         model = self.model
-        wp.launch(getattr(model.kernels.grab, kernel), dim=SLOTS, inputs=inputs, outputs=[out], device=model.device)
+        launch(getattr(model.kernels.grab, kernel), dim=SLOTS, inputs=inputs, outputs=[out], device=model.device)

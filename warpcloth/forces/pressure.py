@@ -4,6 +4,7 @@ from typing import Any
 
 import warp as wp
 
+from ..launching import fill, launch
 from ..model import Model
 from ..state import State
 from .base import Linearization
@@ -57,7 +58,7 @@ class Pressure:
             return
         model, q = self.model, at.state.particle_q
         self._measure(at.state)
-        self._rate.zero_()
+        fill(self._rate)
         self._launch("volume_rates", model.tri_count, [model.tri_indices, model.tri_bag, q, x], self._rate)
         inputs = [model.tri_indices, model.tri_bag, self._bags, q, self._volume, self._rate, at.stiffness]
         self._launch("triangle_products", model.tri_count, inputs, self._per_triangle)
@@ -79,14 +80,14 @@ class Pressure:
 
     def _measure(self, state: State) -> None:
         """Volumes of all closed cloths."""
-        self._volume.zero_()
+        fill(self._volume)
         law = [self.model.tri_indices, self.model.tri_bag]
         self._launch("volumes", self.model.tri_count, [*law, state.particle_q], self._volume)
 
     def _add_corners(self, out: wp.array) -> None:
         model = self.model
         rows = [model.particle_corner_start, model.particle_corner_ids, model.tri_corner_share]
-        wp.launch(
+        launch(
             model.kernels.corners.add_corners,
             dim=model.particle_count,
             inputs=[*rows, self._per_triangle],
@@ -96,4 +97,4 @@ class Pressure:
 
     def _launch(self, kernel: str, dim: int, inputs: list[Any], out: wp.array) -> None:
         device = self.model.device
-        wp.launch(getattr(self.model.kernels.pressure, kernel), dim=dim, inputs=inputs, outputs=[out], device=device)
+        launch(getattr(self.model.kernels.pressure, kernel), dim=dim, inputs=inputs, outputs=[out], device=device)

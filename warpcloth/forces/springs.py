@@ -3,6 +3,7 @@
 import warp as wp
 
 from .. import validate
+from ..launching import launch
 from ..model import Model
 from ..state import State
 from .base import Linearization
@@ -38,7 +39,7 @@ class Springs:
             kernel, dim = model.kernels.springs.gather_forces, model.particle_count
             rows = [model.particle_spring_start, model.particle_spring_ids]
         inputs = [*rows, *self._law(), state.particle_q, state.particle_qd]
-        wp.launch(kernel, dim=dim, inputs=inputs, outputs=[state.particle_f], device=model.device)
+        launch(kernel, dim=dim, inputs=inputs, outputs=[state.particle_f], device=model.device)
 
     def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
         """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
@@ -50,14 +51,14 @@ class Springs:
             rows = [model.particle_spring_start, model.particle_spring_ids]
         where = [at.world_project, at.state.particle_q, at.state.particle_qd, x, at.stiffness, at.damping]
         inputs = [*rows, model.particle_world, *self._law(), *where]
-        wp.launch(kernel, dim=dim, inputs=inputs, outputs=[out], device=model.device)
+        launch(kernel, dim=dim, inputs=inputs, outputs=[out], device=model.device)
 
     def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
         """Adds the diagonal blocks of a K + b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
         model = self.model
         rows = [model.particle_spring_start, model.particle_spring_ids, model.particle_world]
         where = [at.world_project, at.state.particle_q, at.state.particle_qd, at.stiffness, at.damping]
-        wp.launch(
+        launch(
             model.kernels.spring_hessian.diagonal,
             dim=model.particle_count,
             inputs=[*rows, *self._law(), *where],
@@ -78,7 +79,7 @@ class Springs:
         """Energy of in-plane ("spring") and bending springs ("bending") [J]."""
         model = self.model
         out = wp.zeros((model.world_count, 2), dtype=wp.float64, device=model.device)
-        wp.launch(
+        launch(
             model.kernels.springs.energy,
             dim=model.spring_count,
             inputs=[

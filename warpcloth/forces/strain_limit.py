@@ -4,6 +4,7 @@ from typing import Any
 
 import warp as wp
 
+from ..launching import launch
 from ..model import Model
 from ..state import State
 from .base import Linearization
@@ -59,4 +60,4 @@ class StrainLimit:
     def _launch(self, kernel: str, dim: int, inputs: list[Any], out: wp.array) -> None:
         model = self.model
         kernels = model.kernels.strain_limit
-        wp.launch(getattr(kernels, kernel), dim=dim, inputs=inputs, outputs=[out], device=model.device)
+        launch(getattr(kernels, kernel), dim=dim, inputs=inputs, outputs=[out], device=model.device)

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..forces import Forces
+from ..launching import fill, launch
 from ..model import Model
 from ..state import Memory, State
 from .implicit import ImplicitScheme, Stage
@@ -54,7 +55,7 @@ class Bdf2(ImplicitScheme):
 
     def reset(self) -> None:
         """Forgets the state before: the next step starts afresh."""
-        self._past_dt.zero_()
+        fill(self._past_dt)
 
     def memory(self) -> Sequence[Memory]:
         """The two states before and the step between them."""
@@ -63,7 +64,7 @@ class Bdf2(ImplicitScheme):
         return [*(Memory(array, own) for array in states), Memory(self._past_dt, None)]
 
     def _recall(self, model: Model, state: State, dt: float) -> None:
-        wp.launch(
+        launch(
             model.kernels.implicit_schemes.recall,
             dim=model.particle_count,
             inputs=[
@@ -76,7 +77,7 @@ class Bdf2(ImplicitScheme):
 
     def _remember(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
         past, end = self._past, self._end
-        wp.launch(
+        launch(
             model.kernels.implicit_schemes.remember,
             dim=model.particle_count,
             inputs=[

@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from ..forces import Hessian, Linearization
+from ..launching import fill, launch, repeat_while
 from ..model import Model
 
 GPU_LANE = 32  # particles per lane: short enough that a GPU has enough lanes, long enough that few are left to sum
@@ -60,13 +61,13 @@ class ConjugateGradient:
         state = [world_active, residual, self._blocks]
         vectors = [self.x, self._r, self._p, self._ap, self.partial]
         self._launch("begin", self.lane_count, [self.lanes, model.particle_mass, *state], vectors)
-        self.solves.remaining.zero_()
+        fill(self.solves.remaining)
         self._launch("begin_worlds", model.world_count, [self.lanes, self.partial], [self.solves])
-        wp.capture_while(self.solves.remaining, lambda: self._iterate(forces, at, world_tolerance))
+        repeat_while(self.solves.remaining, lambda: self._iterate(forces, at, world_tolerance))
 
     def _factor(self, forces: Hessian, at: Linearization) -> None:
         model = self.model
-        self._blocks.zero_()
+        fill(self._blocks)
         projected = Linearization(at.state, at.stiffness, at.damping, self._projected)
         forces.hessian_diagonal(projected, self._blocks)
         masses = [model.particle_mass, model.particle_inv_mass]
@@ -89,7 +90,7 @@ class ConjugateGradient:
         self._launch("turn", model.particle_count, inputs, [self._p, self._ap])
 
     def _launch(self, kernel: str, dim: int, inputs: list, outputs: list) -> None:
-        wp.launch(getattr(self.kernels, kernel), dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
+        launch(getattr(self.kernels, kernel), dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
 
 
 def _make_lanes(model: Model) -> tuple[Any, int]:

@@ -9,6 +9,7 @@ import warp as wp
 from .. import validate
 from ..errors import StepSizeError
 from ..forces import Forces
+from ..launching import copy, fill, launch
 from ..model import Model
 from ..state import State
 from .runge_kutta import RungeKutta
@@ -112,15 +113,15 @@ class EmbeddedPair(RungeKutta):
         self.finish(model, now, trial, h, time)
         end = self.stages.at(last, trial)
         forces.evaluate(end, time + h)
-        wp.copy(trial.particle_f, end.particle_f)
+        copy(trial.particle_f, end.particle_f)
         trial.forces_current = True
         return self._measure(model, now, trial, h)
 
     def _measure(self, model: Model, now: State, trial: State, h: float) -> float:
         difference = np.array(self.tableau.error)
         kernels = model.kernels.explicit_step
-        self._error.zero_()
-        wp.launch(
+        fill(self._error)
+        launch(
             kernels.step_error,
             dim=model.particle_count,
             inputs=[

@@ -7,10 +7,9 @@ import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import warp as wp
-
 from ..forces import Forces
 from ..kinematics import drive_pins
+from ..launching import launch
 from ..model import Model
 from ..state import State
 from .base import Integrator
@@ -89,7 +88,7 @@ class ImplicitScheme(Integrator):
 
     def launch_base(self, model: Model, state_in: State, past: State, base: State, state_out: State, dt: float) -> None:
         """x̄ and v̄ into ``base``, and the guess, which is ``state_in``, into ``state_out``."""
-        wp.launch(
+        launch(
             model.kernels.implicit_schemes.stage_base,
             dim=model.particle_count,
             inputs=[
@@ -102,7 +101,7 @@ class ImplicitScheme(Integrator):
 
     def finish(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
         """From the stage to the end of the step, in place."""
-        wp.launch(
+        launch(
             model.kernels.implicit_schemes.extrapolate,
             dim=model.particle_count,
             inputs=[state_in.particle_q, state_in.particle_qd, self.stage.beyond],

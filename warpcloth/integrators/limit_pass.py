@@ -1,8 +1,8 @@
 """Strain limiting for schemes that solve springs only and take all other forces as they were."""
 
 import numpy as np
-import warp as wp
 
+from ..launching import launch
 from ..model import Model
 from ..state import State
 from .colouring import SpringColours
@@ -26,7 +26,7 @@ class LimitPass:
     def apply(self, state: State, dt: float) -> None:
         """Changes positions and velocities at the end of a step of dt [s]."""
         for ends, law in zip(self.colours.ends, self.law, strict=True):
-            wp.launch(
+            launch(
                 self.model.kernels.strain_limit.limit_springs,
                 dim=len(ends),
                 inputs=[ends, law, self.model.particle_inv_mass, dt],

@@ -9,6 +9,7 @@ import warp as wp
 from .. import validate
 from ..forces import Forces, Linearization
 from ..kinematics import drive_pins
+from ..launching import copy, fill, launch
 from ..model import Model
 from ..state import State
 from .base import Integrator
@@ -59,7 +60,7 @@ class LinearlyImplicit(Integrator):
         start = [state_in.particle_q, state_in.particle_qd]
         inputs = [model.particle_inv_mass, *start, self.cg.x, dt]
         self._launch(model, "apply_change", inputs, [state_out.particle_q, state_out.particle_qd])
-        wp.launch(
+        launch(
             model.kernels.implicit_schemes.count_solves,
             dim=model.world_count,
             inputs=[self.cg.solves, self.cg.max_iterations],
@@ -79,15 +80,15 @@ class LinearlyImplicit(Integrator):
 
     def _place_pins(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
         """Pins at the end of the step in ``state_out``, and what is known of the velocities."""
-        wp.copy(state_out.particle_q, state_in.particle_q)
-        state_out.particle_qd.zero_()
+        copy(state_out.particle_q, state_in.particle_q)
+        fill(state_out.particle_qd)
         drive_pins(model, state_in.world_time, dt, state_out.particle_q, state_out.particle_qd)
         states = [state_in.particle_q, state_in.particle_qd, state_out.particle_q, state_out.particle_qd]
         self._launch(model, "pin_changes", [model.particle_inv_mass, *states, dt], [self._velocity, self._change])
 
     def _right_side(self, model: Model, state_in: State, forces: Forces, dt: float) -> None:
         """Minus the right side of the system, in ``_residual``."""
-        self._residual.zero_()
+        fill(self._residual)
         if self.elastic:
             forces.hessian_product(Linearization(state_in, dt * dt, 0.0, self._ones), self._velocity, self._residual)
         forces.hessian_product(Linearization(state_in, 0.0, dt, self._ones), self._change, self._residual)
@@ -96,7 +97,7 @@ class LinearlyImplicit(Integrator):
 
     def _launch(self, model: Model, kernel: str, inputs: list, outputs: list) -> None:
         function = getattr(model.kernels.implicit_schemes, kernel)
-        wp.launch(function, dim=model.particle_count, inputs=inputs, outputs=outputs, device=model.device)
+        launch(function, dim=model.particle_count, inputs=inputs, outputs=outputs, device=model.device)
 
 
 class LinearImplicitEuler(LinearlyImplicit):

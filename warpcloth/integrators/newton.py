@@ -12,6 +12,7 @@ import warp as wp
 from .. import validate
 from ..forces import Forces, Linearization
 from ..kinematics import drive_pins
+from ..launching import fill, launch, repeat_while
 from ..model import Model
 from ..state import State
 from .conjugate_gradient import ConjugateGradient
@@ -85,7 +86,7 @@ class Newton:
         x̄ and v̄ are in ``position_base`` and ``velocity_base``; moving pins go to their place at ``time_offset`` [s].
         """
         model, worlds = self.model, self.worlds
-        worlds.at_work.zero_()
+        fill(worlds.at_work)
         self._launch("start_worlds", model.world_count, [LOOSEST], [worlds])
         place = [model.particle_inv_mass, self.position_base, gamma]
         self._launch("place", model.particle_count, place, [stage.particle_q, stage.particle_qd])
@@ -94,7 +95,7 @@ class Newton:
         tolerance = max(self.tolerance, self._rounding / gamma)
         problem = _Problem(stage, forces, gamma, time_offset, tolerance, matrix)
         self._evaluate(problem)
-        wp.capture_while(worlds.at_work, lambda: self._iterate(problem))
+        repeat_while(worlds.at_work, lambda: self._iterate(problem))
 
     def metrics(self) -> dict[str, Any]:
         """Of the latest step, the worst world: ``newton_iterations``, ``cg_iterations``, ``residual`` (the last update
@@ -115,9 +116,9 @@ class Newton:
         cg.solve(problem.forces, problem.matrix, self._residual, worlds.active, worlds.forcing)
         inputs = [cg.lanes, model.particle_mass, problem.state.particle_qd, cg.x]
         self._launch("start_search", cg.lane_count, inputs, [self._start, cg.partial])
-        worlds.at_search.zero_()
+        fill(worlds.at_search)
         self._launch("start_search_worlds", model.world_count, [cg.lanes, cg.partial, cg.solves], [worlds])
-        wp.capture_while(worlds.at_search, lambda: self._attempt(problem))
+        repeat_while(worlds.at_search, lambda: self._attempt(problem))
         limits = [problem.tolerance, self.max_iterations, LOOSEST, self.cg_tolerance]
         self._launch("judge_worlds", model.world_count, [cg.solves, *limits], [worlds])
 
@@ -140,7 +141,7 @@ class Newton:
         self._launch("residual", cg.lane_count, inputs, [self._residual, cg.partial])
 
     def _launch(self, kernel: str, dim: int, inputs: list, outputs: list) -> None:
-        wp.launch(getattr(self.kernels, kernel), dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
+        launch(getattr(self.kernels, kernel), dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
 
 
 def _make_worlds(model: Model, kernels: Any) -> Any:

@@ -5,6 +5,7 @@ import warp as wp
 
 from .. import validate
 from ..forces import Forces
+from ..launching import launch
 from ..model import Model
 from ..state import State
 from .colouring import SpringColours
@@ -47,7 +48,7 @@ class Pbd(PositionStep):
         forces.evaluations += self.iterations
         for _ in range(self.iterations):
             for ends, rest_length, factor in zip(self.colours.ends, self.rest_length, self.factor, strict=True):
-                wp.launch(
+                launch(
                     model.kernels.xpbd.project_springs,
                     dim=len(ends),
                     inputs=[ends, rest_length, factor, model.particle_inv_mass, state_in.particle_q],

@@ -10,6 +10,7 @@ import warp as wp
 from .. import validate
 from ..forces import Forces
 from ..kinematics import drive_pins
+from ..launching import fill, launch
 from ..model import Model
 from ..state import Memory, State
 from .base import Integrator
@@ -49,7 +50,7 @@ class PositionStep(Integrator):
     def predict(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
         """δ̂ of all particles; pins where they will be."""
         kernels = model.kernels.position_step
-        wp.launch(
+        launch(
             kernels.predict,
             dim=model.particle_count,
             inputs=[
@@ -62,7 +63,7 @@ class PositionStep(Integrator):
         pins = model.moving_pins.particle
         if len(pins) > 0:
             drive_pins(model, state_in.world_time, dt, state_out.particle_q, state_out.particle_qd)
-            wp.launch(
+            launch(
                 kernels.displace_pins,
                 dim=len(pins),
                 inputs=[pins, state_in.particle_q, state_out.particle_q],
@@ -72,7 +73,7 @@ class PositionStep(Integrator):
 
     def finish(self, model: Model, state_in: State, state_out: State, displacement: wp.array, dt: float) -> None:
         """The end of the step from its solution δ [m]."""
-        wp.launch(
+        launch(
             model.kernels.position_step.finish,
             dim=model.particle_count,
             inputs=[model.particle_inv_mass, state_in.particle_q, self.inertial, displacement, dt],
@@ -82,7 +83,7 @@ class PositionStep(Integrator):
 
     def reset(self) -> None:
         """Forgets the spring forces of the previous step."""
-        self.spring_acceleration.zero_()
+        fill(self.spring_acceleration)
 
     def memory(self) -> Sequence[Memory]:
         """What springs did in the previous step."""

@@ -6,6 +6,7 @@ import warp as wp
 
 from .. import validate
 from ..forces import Forces, Linearization
+from ..launching import fill, launch
 from ..model import Model
 from ..state import State
 from .adjacency import SpringRows
@@ -94,8 +95,10 @@ class _ByJacobi:
         """A step of dt from ``state``: the spectral radius of each world."""
         self.state, self.dt = state, dt
         if self.accelerated:
-            self.radius.zero_()
-            launch(self.model, "spectral_radius", [*self.masses, self.rows.start[0], self.rows.law, dt], self.radius)
+            fill(self.radius)
+            launch_named(
+                self.model, "spectral_radius", [*self.masses, self.rows.start[0], self.rows.law, dt], self.radius
+            )
 
     def improve(self, inertial: wp.array, now: wp.array, spare: wp.array, iteration: int) -> tuple[wp.array, wp.array]:
         """The next iterate and the one to overwrite; ``spare`` holds the one before ``now``."""
@@ -105,7 +108,7 @@ class _ByJacobi:
             *self.masses, *rows, self.state.particle_q, inertial, now,
             self.radius, number, self.largest_radius, self.dt,
         ]  # fmt: skip
-        launch(self.model, "jacobi", inputs, spare)
+        launch_named(self.model, "jacobi", inputs, spare)
         return spare, now
 
 
@@ -129,23 +132,25 @@ class _ByCg:
         model, rows = self.model, [self.rows.start[0], self.rows.other, self.rows.law]
         masses = [model.particle_mass, model.particle_inv_mass]
         state, dt = self.at.state, self.at.damping
-        launch(model, "residual", [*masses, *rows, state.particle_q, inertial, now, dt], self.residual)
+        launch_named(model, "residual", [*masses, *rows, state.particle_q, inertial, now, dt], self.residual)
         self.cg.solve(self, self.at, self.residual, self.world_active, self.world_tolerance)
-        launch(model, "correct", [self.cg.x], now)
+        launch_named(model, "correct", [self.cg.x], now)
         return now, spare
 
     def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
         """Adds (h² K + h C) x."""
-        launch(self.model, "matrix_product", [self.rows.start[0], self.rows.other, self.rows.law, at.damping, x], out)
+        launch_named(
+            self.model, "matrix_product", [self.rows.start[0], self.rows.other, self.rows.law, at.damping, x], out
+        )
 
     def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
         """Adds the diagonal of h² K + h C."""
-        launch(self.model, "matrix_diagonal", [self.rows.start[0], self.rows.law, at.damping], out)
+        launch_named(self.model, "matrix_diagonal", [self.rows.start[0], self.rows.law, at.damping], out)
 
 
-def launch(model: Model, kernel: str, inputs: list, out: wp.array) -> None:
+def launch_named(model: Model, kernel: str, inputs: list, out: wp.array) -> None:
     """A kernel of ``kernels/projective.py``, one thread per particle."""
-    wp.launch(
+    launch(
         getattr(model.kernels.projective, kernel),
         dim=model.particle_count,
         inputs=inputs,

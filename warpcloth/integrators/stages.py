@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..launching import launch
 from ..model import Model
 from ..state import State
 
@@ -56,7 +57,7 @@ def advance(
         drift: [s]. velocity_weights: w [s]. position_weights: p [s²]; missing ones are 0.
     """
     weights = model.kernels.explicit_step.weights
-    wp.launch(
+    launch(
         model.kernels.explicit_step.advance,
         dim=model.particle_count,
         inputs=[

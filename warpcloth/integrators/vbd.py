@@ -4,6 +4,7 @@ import warp as wp
 
 from .. import validate
 from ..forces import Forces
+from ..launching import copy, launch
 from ..model import Model
 from ..state import State
 from .adjacency import SpringRows
@@ -47,11 +48,11 @@ class Vbd(PositionStep):
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations
         if self.acceleration > 0.0:
-            wp.copy(self.previous, self.displacement)
+            copy(self.previous, self.displacement)
         for weight in self.weights:
             self._sweep(model, state_in, dt)
             if self.acceleration > 0.0:
-                wp.launch(
+                launch(
                     model.kernels.vbd.extrapolate,
                     dim=model.particle_count,
                     inputs=[weight],
@@ -63,7 +64,7 @@ class Vbd(PositionStep):
     def _sweep(self, model: Model, state_in: State, dt: float) -> None:
         rows = self.rows
         for particles, start in zip(rows.particles, rows.start, strict=True):
-            wp.launch(
+            launch(
                 model.kernels.vbd.descend,
                 dim=len(particles),
                 inputs=[

@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from ..forces import Forces
+from ..launching import fill, launch
 from ..model import Model
 from ..state import Memory, State
 from .colouring import SpringColours
@@ -50,7 +51,7 @@ class Xpbd(PositionStep):
 
     def read_springs(self, model: Model) -> None:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
-        wp.launch(
+        launch(
             model.kernels.xpbd.arrange_law,
             dim=model.spring_count,
             inputs=[self._order, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
@@ -62,7 +63,7 @@ class Xpbd(PositionStep):
         """Forgets the spring forces of the previous step."""
         super().reset()
         for force in self.force:
-            force.zero_()
+            fill(force)
 
     def memory(self) -> Sequence[Memory]:
         """The spring forces of the previous step, besides what they did."""
@@ -81,7 +82,7 @@ class Xpbd(PositionStep):
         ``displacement`` in place."""
         ends = self.colours.ends[colour]
         kept = self.warm_start if iteration == 0 else 1.0
-        wp.launch(
+        launch(
             model.kernels.xpbd.solve_springs,
             dim=len(ends),
             inputs=[ends, self.law[colour], model.particle_inv_mass, start, dt, kept],

@@ -1,0 +1,65 @@
+"""Frames recorded once and replayed: as a graph, or on the CPU as a program (``program.py``)."""
+
+from collections.abc import Callable
+from typing import Any
+
+import warp as wp
+
+from . import validate
+from .model import Model
+from .program import default_threads, record_program
+
+MOST_THREADS = 256
+
+
+class Frames:
+    """The frames of one simulation.
+
+    Args:
+        model: the model.
+        replay: whether to record frames at all.
+        foreign: whether they have launches that do not go through :mod:`warpcloth.launching`, such as those of hooks.
+        threads: of a program; None: as many as pay.
+
+    Attributes:
+        replay: whether frames are recorded.
+        threads: how many threads frames run on, 1 where they are no programs.
+
+    Raises:
+        InputError: threads out of range.
+    """
+
+    def __init__(self, model: Model, replay: bool, foreign: bool, threads: int | None = None):
+        self.model = model
+        # Warp records no mesh refit into a CPU graph (1.19), so such frames run directly there.
+        self.replay = replay and not (foreign and model.device.is_cpu and model.shapes.deforming)
+        self._program = self.replay and not foreign and model.device.is_cpu
+        wanted = default_threads(model.particle_count)
+        if threads is not None:
+            wanted = validate.integer(threads, "threads", minimum=1, maximum=MOST_THREADS)
+        self.threads = wanted if self._program else 1
+        self._ran: set[Any] = set()
+        self._recorded: dict[Any, Callable[[], None]] = {}
+
+    def run(self, key: Any, frame: Callable[[], None]) -> None:
+        """A frame; those of one key are the same one."""
+        if not self.replay or not (self._program or key in self._ran):  # a first run loads the kernels of a graph
+            frame()
+            self._ran.add(key)
+            return
+        if key not in self._recorded:
+            self._recorded = {key: self._record(frame)}
+        self._recorded[key]()
+
+    def forget(self) -> None:
+        """Recorded frames hold arrays that have been replaced, or lack what is new."""
+        self._recorded.clear()
+        self._ran.clear()
+
+    def _record(self, frame: Callable[[], None]) -> Callable[[], None]:
+        if self._program:
+            return record_program(frame, self.model.kernels, self.threads).run
+        with wp.ScopedCapture(device=self.model.device) as capture:
+            frame()
+        graph = capture.graph
+        return lambda: wp.capture_launch(graph)
