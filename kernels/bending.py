@@ -190,14 +190,14 @@ def gather_forces(
     # Out
     particle_f_out: wp.array(dtype=vec3),
 ):
-    """One thread per particle sums its entries in a fixed order: bitwise repeatable on any device."""
+    """One thread per particle sums its entries in a fixed order, that of :func:`scatter_forces` on one thread."""
     i = thread_offset + wp.tid()
-    total = vec3()
+    total = particle_f_out[i]
     for row in range(row_start[i], row_start[i + 1]):
         k = row_entry[row]
         tangent = entry_tangent(elements.tangent, elements.turning, k)
         total += entry_force(elements.weight[k], tangent, moments[row_element[row]])
-    particle_f_out[i] = particle_f_out[i] + total
+    particle_f_out[i] = total
 
 
 @wp.kernel

@@ -104,12 +104,13 @@ def make_simulation(
     profile: bool = False,
     untangled: bool = False,
     check_start: bool = True,
+    threads: int | None = None,
 ) -> Simulation:
     """The simulation of :func:`make_model`'s model; but for gravity and air the scenes have the same options.
 
     Args:
         scenes: what the model was made of. model: the model.
-        profile, untangled, check_start: see :class:`warpcloth.Simulation`.
+        profile, untangled, check_start, threads: see :class:`warpcloth.Simulation`.
 
     Raises:
         InputError: an option that the integrator does not take.
@@ -127,6 +128,7 @@ def make_simulation(
         profile=profile,
         untangled=untangled,
         check_start=check_start,
+        threads=threads,
     )
 
 

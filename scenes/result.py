@@ -14,6 +14,7 @@ class SimulationResult:
         integrator: Name of the integrator.
         precision: ``float32`` or ``float64``.
         device: Device it ran on.
+        threads: Cores of the CPU that a frame ran on.
         frames: Frames simulated; the file has one more, the start.
         fps: Frames per second.
         substeps: Integration steps per frame.
@@ -45,6 +46,7 @@ class SimulationResult:
     integrator: str
     precision: str
     device: str
+    threads: int
     frames: int
     fps: float
     substeps: int

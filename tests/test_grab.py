@@ -11,11 +11,11 @@ DT = 1.0 / 60.0
 STILL = (0.0, 0.0, 0.0)
 
 
-def hanging(integrator="xpbd", **options):
+def hanging(integrator="xpbd", graph=True, **options):
     """A small cloth that hangs from its upper edge."""
     turn = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 1], [0, 0, 0, 1]])
     cloth = wc.Cloth.grid(size=(0.5, 0.5), resolution=(8, 8), pins="top", transform=turn)
-    return wc.Simulation(wc.Model.build([cloth], device="cpu", **options), integrator)
+    return wc.Simulation(wc.Model.build([cloth], device="cpu", **options), integrator, graph=graph)
 
 
 @pytest.mark.parametrize("integrator", ["xpbd", "implicit_euler", "symplectic_euler"])
@@ -90,8 +90,7 @@ def test_captured_frames_see_what_the_host_does():
     """The same to the last bit with and without graphs, through take, move and release."""
     results = []
     for graph in (True, False):
-        simulation = hanging()
-        simulation.graph = graph
+        simulation = hanging(graph=graph)
         simulation.run(3)
         grab = simulation.grab(0)
         for k in range(8):

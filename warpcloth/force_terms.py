@@ -15,18 +15,19 @@ from .model import Model
 
 
 def force_terms(
-    model: Model, integrator: Integrator, assembly: str, air: Air | Sequence[Air] | None
+    model: Model, integrator: Integrator, assembly: str, air: Air | Sequence[Air] | None, ranges: int
 ) -> list[ForceTerm]:
-    """All forces but gravity that act on a model; arguments as for :class:`warpcloth.Simulation`."""
+    """All forces but gravity that act on a model; arguments as for :class:`warpcloth.Simulation`, and ``ranges``: into
+    how many launches are cut on the CPU."""
     airs = [] if air is None else list(air) if isinstance(air, Sequence) else [air] * model.world_count
     for item in airs:
         if not isinstance(item, Air):
             raise InputError(f"Air must be an Air, one for each world, or None, got {type(item).__name__}.")
     if airs and len(airs) != model.world_count:
         raise InputError(f"Air must be given once or for each of the {model.world_count} worlds, got {len(airs)}.")
-    terms: list[ForceTerm] = [Springs(model, assembly)]
+    terms: list[ForceTerm] = [Springs(model, assembly, ranges)]
     if model.bend_count > 0:
-        terms.append(Bending(model, assembly))
+        terms.append(Bending(model, assembly, ranges))
     if any(item.density > 0.0 for item in airs) and model.tri_count > 0:
         terms.append(AirDrag(model, airs))
     if model.bag_count > 0:

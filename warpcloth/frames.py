@@ -24,6 +24,7 @@ class Frames:
     Attributes:
         replay: whether frames are recorded.
         threads: how many threads frames run on, 1 where they are no programs.
+        recorded: what replays the frame of a key.
 
     Raises:
         InputError: threads out of range.
@@ -39,7 +40,7 @@ class Frames:
             wanted = validate.integer(threads, "threads", minimum=1, maximum=MOST_THREADS)
         self.threads = wanted if self._program else 1
         self._ran: set[Any] = set()
-        self._recorded: dict[Any, Callable[[], None]] = {}
+        self.recorded: dict[Any, Callable[[], None]] = {}
 
     def run(self, key: Any, frame: Callable[[], None]) -> None:
         """A frame; those of one key are the same one."""
@@ -47,13 +48,13 @@ class Frames:
             frame()
             self._ran.add(key)
             return
-        if key not in self._recorded:
-            self._recorded = {key: self._record(frame)}
-        self._recorded[key]()
+        if key not in self.recorded:
+            self.recorded = {key: self._record(frame)}
+        self.recorded[key]()
 
     def forget(self) -> None:
         """Recorded frames hold arrays that have been replaced, or lack what is new."""
-        self._recorded.clear()
+        self.recorded.clear()
         self._ran.clear()
 
     def _record(self, frame: Callable[[], None]) -> Callable[[], None]:

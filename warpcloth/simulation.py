@@ -61,6 +61,7 @@ class Simulation:
         state: the current :class:`State`; its arrays stay the same objects for the life of the simulation.
         forces: all :class:`Forces`.
         time: simulated time [s].
+        graph, threads: whether frames are recorded, and the cores of the CPU that they run on.
         substeps: steps per frame in use; 0 before the first frame when "auto".
         watch: with ``profile``, the wall times [s] of detecting contact, integrating, responding to contact, and the
             guard, in ``watch.seconds``.
@@ -89,7 +90,11 @@ class Simulation:
     ):
         self.model = model
         self.integrator = make_integrator(integrator, model, integrator_options)
-        self.forces = Forces(model, force_terms(model, self.integrator, assembly, air), world_gravity(model, gravity))
+        self.watch = Stopwatch(model.device, validate.flag(profile, "profile"))
+        replay = validate.flag(graph, "graph") and self.integrator.capturable and not self.watch.active
+        self._frames = Frames(model, replay, bool(hooks or forces), threads)
+        terms = force_terms(model, self.integrator, assembly, air, self._frames.threads)
+        self.forces = Forces(model, terms, world_gravity(model, gravity))
         passes = model.limits_strain and self.integrator.solves_springs_only
         self._limit_pass = LimitPass(model) if passes else None
         share = self.integrator.contact_share
@@ -109,10 +114,7 @@ class Simulation:
         if self._auto:
             validate.choice(substeps, ("auto",), "substeps")
         self.substeps = 0 if self._auto else validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
-        self.watch = Stopwatch(model.device, validate.flag(profile, "profile"))
-        replay = validate.flag(graph, "graph") and self.integrator.capturable and not self.watch.active
-        self._frames = Frames(model, replay, bool(self.hooks or forces), threads)
-        self.graph = self._frames.replay
+        self.graph, self.threads = self._frames.replay, self._frames.threads
         self.check = validate.flag(check, "check")
         self.time = 0.0
         self.tape = GrabTape()
@@ -274,6 +276,7 @@ class Simulation:
     def _frame(self, dt: float, substeps: int) -> None:
         now, later = self.state, self._other
         now.forces_current = False  # the caller may have changed the state since the last frame
+        self.forces.prepare()
         for length in self.contact.interval_lengths(dt, substeps):
             span = length * dt / substeps
             with self.watch.stage("detect"):

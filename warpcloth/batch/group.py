@@ -74,7 +74,7 @@ class Group:
 
     def _start(self, members: Sequence[Member]) -> Simulation:
         self.scenes = [member.prepared.built for member in members]
-        return make_simulation(self.scenes, make_model(self.scenes))
+        return make_simulation(self.scenes, make_model(self.scenes), threads=1)  # processes fill the cores
 
     def _ends(self, world: int) -> bool:
         prepared, simulation = self.members[world].prepared, self.simulation

@@ -48,6 +48,9 @@ Device = Annotated[str | None, typer.Option(help="Device, e.g. cpu or cuda:0.")]
 Check = Annotated[str, typer.Option(metavar="every|last", help="Frames to check for intersections and penetration.")]
 Profile = Annotated[bool, typer.Option("--profile", help="Time the stages of each frame.")]
 Untangle = Annotated[bool, typer.Option("--untangle", help="Try to resolve intersections at the start.")]
+Threads = Annotated[
+    str | None, typer.Option(metavar="N", help="Cores of the CPU to use.  [default: all, but for small scenes]")
+]
 Precision = Annotated[str | None, typer.Option(help="float32 or float64.")]
 Render = Annotated[bool, typer.Option("--render", help="Also make a film of it, beside the cache (see `render`).")]
 
@@ -65,6 +68,7 @@ def command(
     profile: Profile = False,
     render: Render = False,
     untangle: Untangle = False,
+    threads: Threads = None,
     cloth: ClothPrims = None,
     collider: ColliderPrims = None,
 ) -> Report:
@@ -76,7 +80,7 @@ def command(
         _check_renderer()
     start_warp()
     options: dict[str, Any] = {"integrator": integrator, "device": device, "precision": precision, "check": check}
-    options |= {"profile": profile, "untangle": untangle}
+    options |= {"profile": profile, "untangle": untangle, "threads": _whole(threads)}
     with progress_bar(loaded.name) as on_frame:
         result = simulate(
             loaded, output, frames=_whole(frames), substeps=_whole(substeps), on_frame=on_frame, **options

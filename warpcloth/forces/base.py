@@ -81,6 +81,15 @@ class Remembering(Protocol):
 
 
 @runtime_checkable
+class Prepared(Protocol):
+    """A force that keeps copies of what the model has: a :class:`ForceTerm` that brings them up to date."""
+
+    def prepare(self) -> None:
+        """Before each frame. Launches kernels only."""
+        ...
+
+
+@runtime_checkable
 class Differentiable(Protocol):
     """A force whose kernels have adjoints in differentiable models: a :class:`ForceTerm` that says what it depends on.
 
@@ -112,6 +121,12 @@ class Forces:
     def velocity_dependent(self) -> bool:
         """Whether any term depends on velocities."""
         return any(term.velocity_dependent for term in self.terms)
+
+    def prepare(self) -> None:
+        """The start of a frame: copies of what the model has are brought up to date."""
+        for term in self.terms:
+            if isinstance(term, Prepared):
+                term.prepare()
 
     def advance(self, state: State) -> None:
         """The end of a step, at ``state``: what forces remember moves on."""

@@ -7,6 +7,7 @@ from ..launching import launch
 from ..model import Model
 from ..state import State
 from .base import Linearization
+from .spring_rows import SpringRows
 
 ASSEMBLIES = ("scatter", "gather")
 
@@ -18,6 +19,8 @@ class Springs:
         model: the model whose springs these are.
         assembly: "scatter" (one thread per spring, atomic adds) or "gather" (one thread per particle, fixed order:
             bitwise repeatable on a GPU too).
+        ranges: into how many ranges launches may be cut on the CPU, where what scatters then goes row by row
+            (:class:`~warpcloth.forces.spring_rows.SpringRows`); None: none.
 
     Raises:
         InputError: unknown assembly.
@@ -25,13 +28,23 @@ class Springs:
 
     name = "springs"
 
-    def __init__(self, model: Model, assembly: str = "scatter"):
+    def __init__(self, model: Model, assembly: str = "scatter", ranges: int | None = None):
         self.model = model
         self.assembly = validate.choice(assembly, ASSEMBLIES, "assembly")
+        in_rows = self.assembly == "scatter" and model.device.is_cpu and not model.differentiable
+        self._rows = SpringRows(model, ranges) if ranges and in_rows and model.spring_count > 0 else None
         self.velocity_dependent = bool(model.spring_damping.numpy().any())
+
+    def prepare(self) -> None:
+        """Takes over properties of springs that have changed."""
+        if self._rows is not None:
+            self._rows.arrange()
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds spring forces [N] to ``state.particle_f``."""
+        if self._rows is not None:
+            self._rows.accumulate(state)
+            return
         model = self.model
         kernel, dim = model.kernels.springs.scatter_forces, model.spring_count
         rows: list[wp.array] = []
