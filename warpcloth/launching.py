@@ -39,6 +39,11 @@ def runs_in_ranges(kernel: wp.Kernel) -> bool:
     return bool(arguments) and arguments[0].label == "thread_offset"
 
 
+def records(item: Any) -> bool:
+    """Whether all launches of a hook or force go through this module, as its own class says, not one it builds on."""
+    return bool(vars(type(item)).get("launches_recorded", False))
+
+
 def launch(
     kernel: wp.Kernel,
     dim: int,

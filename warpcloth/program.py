@@ -22,10 +22,14 @@ from .launching import recording, runs_in_ranges
 PARTICLES_PER_THREAD = 2000  # fewer do not pay for the waiting
 
 
+def cores() -> int:
+    """Cores of the CPU that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def default_threads(particles: int) -> int:
     """Threads for a simulation of so many particles: as many as there are cores, but none with too little to do."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(cores, particles // PARTICLES_PER_THREAD))
+    return max(1, min(cores(), particles // PARTICLES_PER_THREAD))
 
 
 def record_program(frame: Callable[[], None], kernels: KernelSet, threads: int) -> "Program":

@@ -19,7 +19,7 @@ from .hooks import Hook
 from .integrators import make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
-from .launching import launch
+from .launching import launch, records
 from .lookout import Lookout
 from .model import Model
 from .recording import missed_pairs, recordable_substeps
@@ -51,7 +51,7 @@ class Simulation:
         profile: time the stages of each frame; it then runs without graphs, to the same result.
         check_start: refuse cloth that starts inside an obstacle or intersecting.
         threads: cores of the CPU to use; None: all, but for small models. The result is the same with any number.
-            Frames with forces or hooks of yours use one.
+            Frames with forces or hooks of yours use one, as Warp's graphs do.
 
     Raises:
         InputError: on unknown names or numbers out of range.
@@ -89,10 +89,12 @@ class Simulation:
         threads: int | None = None,
     ):
         self.model = model
+        self.hooks = validate.instances(hooks, Hook, "hooks")
+        own = validate.instances(forces, UserForce, "forces")
         self.integrator = make_integrator(integrator, model, integrator_options)
         self.watch = Stopwatch(model.device, validate.flag(profile, "profile"))
         replay = validate.flag(graph, "graph") and self.integrator.capturable and not self.watch.active
-        self._frames = Frames(model, replay, bool(hooks or forces), threads)
+        self._frames = Frames(model, replay, not all(map(records, (*self.hooks, *own))), threads)
         terms = force_terms(model, self.integrator, assembly, air, self._frames.threads)
         self.forces = Forces(model, terms, world_gravity(model, gravity))
         passes = model.limits_strain and self.integrator.solves_springs_only
@@ -101,8 +103,7 @@ class Simulation:
         self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"), share)
         if self.contact.support is not None:
             self.forces.terms.append(self.contact.support)
-        self.forces.terms += validate.instances(forces, UserForce, "forces")
-        self.hooks = validate.instances(hooks, Hook, "hooks")
+        self.forces.terms += own
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other = self.state.twin()

@@ -3,6 +3,7 @@
 import warp as wp
 
 from .. import validate
+from ..launching import launch
 from ..model import Model
 from ..state import State
 from .base import Linearization
@@ -56,6 +57,7 @@ class AppliedForce(UserForce):
     """
 
     name = "applied"
+    launches_recorded = True
 
     def __init__(self, model: Model, force: wp.array | None = None):
         self.model = model
@@ -65,7 +67,7 @@ class AppliedForce(UserForce):
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds the forces to ``state.particle_f``."""
-        wp.launch(
+        launch(
             self.model.kernels.particles.add_force,
             dim=self.model.particle_count,
             inputs=[self.force],

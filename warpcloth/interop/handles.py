@@ -9,6 +9,7 @@ import warp as wp
 from .. import validate
 from ..errors import InputError
 from ..hooks import Hook
+from ..launching import launch
 from ..model import Model
 from ..state import State
 
@@ -26,6 +27,8 @@ class Handles(Hook):
     Attributes:
         velocity: of each handle in each world [m/s], vec3, shape [world_count, handles].
     """
+
+    launches_recorded = True
 
     def __init__(self, model: Model, groups: Sequence[Any] | None):
         self.model = model
@@ -52,7 +55,7 @@ class Handles(Hook):
         self._lead(end, 0.0)
 
     def _lead(self, state: State, dt: float) -> None:
-        wp.launch(
+        launch(
             self.model.kernels.handles.lead,
             dim=len(self._rows[0]),
             inputs=[*self._rows, self.velocity, dt],
