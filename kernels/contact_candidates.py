@@ -184,14 +184,12 @@ def find_triangle_pairs(
     if moved[t] == 0:
         return
     world = particle_world[tri_indices[t, 0]]
-    query = wp.bvh_query_aabb(bvh, known_lower[t], known_upper[t])
+    query = wp.bvh_query_aabb(bvh, known_lower[t], known_upper[t], wp.bvh_get_group_root(bvh, world))
     u = int(0)
     while wp.bvh_query_next(query, u):
         if u == t or (t >= cloth_tris and u >= cloth_tris) or (moved[u] == 1 and u < t):
             continue
-        if particle_world[tri_indices[u, 0]] == world and not common_vertex(
-            triangle(tri_indices, t), triangle(tri_indices, u)
-        ):
+        if not common_vertex(triangle(tri_indices, t), triangle(tri_indices, u)):
             n = count_up(pairs_out.count, 0, 1)
             if n < pairs_out.pair.shape[0]:
                 pairs_out.pair[n] = wp.vec2i(wp.min(t, u), wp.max(t, u))  # in an order that does not tell what moved

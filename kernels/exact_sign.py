@@ -136,6 +136,8 @@ def side(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
     )
     if wp.abs(volume) > VOLUME_BOUND * magnitude:
         return sign_of(volume)
+    if magnitude == wp.float64(0.0):  # each product has a factor that is zero, as in level cloth
+        return 0
     return exact_side(a, b, c, d)
 
 

@@ -29,12 +29,8 @@ def spring_force(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real):
 
     With |d| − r, which floating point takes exactly where strains are small, and few divisions.
     """
-    length = wp.length(d)
-    inverse = real(0.0)
-    if length > real(0.0):
-        inverse = real(1.0) / length
-    n = inverse * d
-    return ((k_s * (length - rest_length) + k_d * wp.dot(u, n)) / rest_length) * n
+    n = direction(d)
+    return ((k_s * (wp.length(d) - rest_length) + k_d * wp.dot(u, n)) / rest_length) * n
 
 
 @wp.func

@@ -74,12 +74,12 @@ def find_crossings(
     """Lists all edges that pass through triangles, once for each triangle at the edge; not of two obstacles."""
     s = wp.tid()
     mine = triangle(tri_indices, s)
-    query = wp.bvh_query_aabb(bvh, lower[s], upper[s])
+    root = wp.bvh_get_group_root(bvh, particle_world[mine[0]])
+    query = wp.bvh_query_aabb(bvh, lower[s], upper[s], root)
     t = int(0)
     while wp.bvh_query_next(query, t):
         if t <= s or s >= cloth_tris:
             continue
         other = triangle(tri_indices, t)
-        if particle_world[other[0]] == particle_world[mine[0]]:
-            add_crossings(particle_q, mine, s, other, t, found_out)
-            add_crossings(particle_q, other, t, mine, s, found_out)
+        add_crossings(particle_q, mine, s, other, t, found_out)
+        add_crossings(particle_q, other, t, mine, s, found_out)

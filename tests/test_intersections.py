@@ -30,7 +30,7 @@ def ours(points: np.ndarray) -> np.ndarray:
     wp.launch(kernels.triangle_bounds, dim=2 * n, inputs=[tri, q], outputs=[lower, upper], device=device)
     count = wp.zeros((n, 2), dtype=wp.int32, device=device)
     world = wp.array(np.repeat(np.arange(n), 6), dtype=wp.int32, device=device)
-    bvh = wp.Bvh(lower, upper)
+    bvh = wp.Bvh(lower, upper, groups=wp.array(np.repeat(np.arange(n), 2), dtype=wp.int32, device=device))
     inputs = [tri, world, 2 * n, q, lower, upper, bvh.id]
     wp.launch(kernels.count_intersections, dim=2 * n, inputs=inputs, outputs=[count], device=device)
     assert not count.numpy()[:, 1].any()

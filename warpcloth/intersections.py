@@ -8,7 +8,7 @@ import warp as wp
 from .kernels import KernelSet
 from .model import Model
 from .state import State
-from .surface import Surface
+from .surface import Surface, triangle_worlds
 
 
 class Triangles:
@@ -35,7 +35,7 @@ class Triangles:
         """
         kernels, surface = self.model.kernels.untangle, self.surface
         self._place(state)
-        lower, upper, bvh = _boxes(self.model.kernels, self.points, surface.tri_indices, self.device)
+        lower, upper, bvh = _boxes(self.model.kernels, self.points, surface.tri_indices, surface.world, self.device)
         found, room = kernels.Crossings(), 1024
         while True:
             found.count = wp.zeros(1, dtype=wp.int32, device=self.device)
@@ -98,7 +98,7 @@ def _count(
     tris = len(tri_indices)
     if tris == 0:
         return count.numpy()
-    lower, upper, bvh = _boxes(kernels, points, tri_indices, device)
+    lower, upper, bvh = _boxes(kernels, points, tri_indices, world, device)
     wp.launch(
         kernels.intersections.count_intersections,
         dim=tris,
@@ -110,11 +110,11 @@ def _count(
 
 
 def _boxes(
-    kernels: KernelSet, points: wp.array, tri_indices: wp.array, device: wp.Device
+    kernels: KernelSet, points: wp.array, tri_indices: wp.array, world: wp.array, device: wp.Device
 ) -> tuple[wp.array, wp.array, wp.Bvh]:
-    """The box of each triangle, and a tree of them."""
+    """The box of each triangle, and a tree of them for each world."""
     tris = len(tri_indices)
     lower, upper = (wp.zeros(tris, dtype=wp.vec3, device=device) for _ in range(2))
     bounds = kernels.intersections.triangle_bounds
     wp.launch(bounds, dim=tris, inputs=[tri_indices, points], outputs=[lower, upper], device=device)
-    return lower, upper, wp.Bvh(lower, upper)
+    return lower, upper, wp.Bvh(lower, upper, groups=triangle_worlds(tri_indices, world))

@@ -107,7 +107,7 @@ class Surface:
         if extra == 0:
             return
         for mesh, first in self._deforming:
-            copy(self._local, mesh.points, dest_offset=first, count=len(mesh.points))
+            copy(self._local[first : first + len(mesh.points)], mesh.points)
         launch(
             self.model.kernels.contact_pairs.place_points,
             dim=extra,
@@ -115,6 +115,12 @@ class Surface:
             outputs=[out],
             device=self.model.device,
         )
+
+
+def triangle_worlds(tri_indices: wp.array, particle_world: wp.array) -> wp.array:
+    """World of each triangle, int32, for trees with a part for each world: all worlds are in one and the same place."""
+    worlds = particle_world.numpy()[tri_indices.numpy().reshape(-1, 3)[:, 0]]
+    return wp.array(worlds, dtype=wp.int32, device=tri_indices.device)
 
 
 def median_edge(points: np.ndarray, triangles: np.ndarray) -> float:

@@ -7,7 +7,7 @@ import warp as wp
 
 from ..launching import copy, fill, launch, only_if, refit
 from ..model import Model
-from ..surface import Surface
+from ..surface import Surface, triangle_worlds
 from .fans import fans_of
 from .pair_list import PairList, loop_width
 
@@ -34,7 +34,9 @@ class PairFinder:
         self.room, self.width = ROOM * surface.edge, loop_width(model.device)
         self.forget()
         self._bound(surface.rest, surface.rest, self.everything, 0.0)
-        self.bvh = wp.Bvh(self.known_lower, self.known_upper)
+        self.bvh = wp.Bvh(
+            self.known_lower, self.known_upper, groups=triangle_worlds(surface.tri_indices, surface.world)
+        )
         self._allocate(4 * tris)
         self.relative = surface.positions()
         sizes = np.bincount(model.particle_world.numpy(), minlength=model.world_count)

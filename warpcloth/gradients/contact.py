@@ -5,6 +5,7 @@ from functools import partial
 import warp as wp
 
 from ..contact import ContactStage
+from ..launching import launch
 from ..model import Model
 from ..state import State
 from .recording import Recording
@@ -41,7 +42,7 @@ def _look(
     model: Model, start: State, end: State, given: list[wp.array], again: wp.array, dt: float, shape: int, first: int
 ) -> None:
     shapes = model.shapes
-    wp.launch(
+    launch(
         model.kernels.obstacle_contact.respond_once,
         dim=model.particle_count,
         inputs=[

@@ -5,6 +5,7 @@ import warp as wp
 from ..errors import NotDifferentiableError
 from ..forces import Differentiable
 from ..integrators.xpbd import Xpbd
+from ..launching import launch
 from ..obstacles import MeshObstacle
 from ..simulation import Simulation
 from .steps import recorded_step
@@ -64,7 +65,7 @@ def record_derived(simulation: Simulation) -> wp.Tape:
     model = simulation.model
     tape = wp.Tape()
     with tape:
-        wp.launch(
+        launch(
             model.kernels.particles.invert_masses,
             dim=model.particle_count,
             inputs=[model.particle_mass],

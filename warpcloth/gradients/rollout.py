@@ -9,6 +9,7 @@ import warp as wp
 
 from .. import validate
 from ..errors import DivergedError, InputError
+from ..launching import launch
 from ..simulation import Simulation
 from ..state import State
 from .contact import record_response
@@ -231,7 +232,7 @@ class Rollout:
 
     def _add(self, addend: wp.array, total: wp.array) -> None:
         kernel = self.model.kernels.particles.add_force
-        wp.launch(kernel, dim=len(total), inputs=[addend], outputs=[total], device=self.model.device)
+        launch(kernel, dim=len(total), inputs=[addend], outputs=[total], device=self.model.device)
 
 
 def _zero_gradients(state: State) -> None:
