@@ -44,6 +44,22 @@ def spring_strain(model: Model, state: State) -> np.ndarray:
     return out.numpy()
 
 
+def structural_strain(model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Strain [-] of all structural springs and of woven triangles along warp and weft, and a particle of each."""
+    springs = model.spring_kind.numpy() == 0
+    yarns = wp.zeros(model.woven_count, dtype=model.kernels.precision.vec2, device=model.device)
+    wp.launch(
+        model.kernels.woven.strain,
+        dim=model.woven_count,
+        inputs=[model.woven, state.particle_q],
+        outputs=[yarns],
+        device=model.device,
+    )
+    strain = np.concatenate([spring_strain(model, state)[springs], yarns.numpy().ravel()])
+    corners = model.woven.corners.numpy().reshape(-1, 3)[:, 0]
+    return strain, np.concatenate([model.spring_indices.numpy()[springs, 0], np.repeat(corners, 2)])
+
+
 def greatest_speeds(model: Model, state: State) -> np.ndarray:
     """Per world: greatest speed of its particles [m/s], shape [world_count]."""
     out = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
@@ -204,13 +220,14 @@ def measure(model: Model, state: State, time: float) -> dict[str, Any]:
     """Measures of one state, over all its worlds.
 
     Returns:
-        ``time`` [s], ``mean_strain`` and ``max_strain`` (of |strain| over the structural springs [-]), ``max_speed``
+        ``time`` [s], ``mean_strain`` and ``max_strain`` (of |strain| over the structural springs and the yarns of
+        woven triangles [-]), ``max_speed``
         [m/s], ``max_penetration_m`` (of particles below the obstacles' true surfaces [m]), ``intersections`` and
         ``obstacle_intersections`` (pairs of triangles that meet: of cloth, and of cloth with a box or mesh).
     """
     return _measures(
         time,
-        np.abs(spring_strain(model, state)[model.spring_kind.numpy() == 0]),
+        np.abs(structural_strain(model, state)[0]),
         greatest_speeds(model, state),
         penetration_depths(model, state),
         intersections(model, state),
@@ -219,10 +236,9 @@ def measure(model: Model, state: State, time: float) -> dict[str, Any]:
 
 def measure_worlds(model: Model, state: State, time: float) -> list[dict[str, Any]]:
     """Measures of each world by itself, as :func:`measure` names them."""
-    structural = model.spring_kind.numpy() == 0
-    strain = np.abs(spring_strain(model, state)[structural])
-    worlds = model.particle_world.numpy()
-    strain_worlds = worlds[model.spring_indices.numpy()[structural, 0]]
+    strain, particle = structural_strain(model, state)
+    strain, worlds = np.abs(strain), model.particle_world.numpy()
+    strain_worlds = worlds[particle]
     speeds, depths, crossings = (
         greatest_speeds(model, state),
         penetration_depths(model, state),

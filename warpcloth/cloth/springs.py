@@ -18,7 +18,7 @@ from ..validate import Array
 from .mesh_fit import extreme_moduli, fit_springs
 
 STRUCTURAL, SHEAR, BEND = 0, 1, 2
-MESH_SPRINGS = ("stretch", "shear", "fitted")
+MESH_SPRINGS = ("stretch", "shear", "fitted", "woven")
 LARGEST_DEVIATION = 0.1  # of a mesh's moduli from the fabric's before a warning
 LARGEST_ANISOTROPY = 2.0  # of its Young's moduli, likewise
 FEWEST_TRIANGLES = 100  # whose directions tell something about a sheet
@@ -81,6 +81,8 @@ class SpringNetwork:
     def joined(parts: Sequence["SpringNetwork"]) -> "SpringNetwork":
         """All springs of several networks over the same particles."""
         fields = ("indices", "rest_lengths", "stiffness", "damping", "kinds")
+        if not parts:
+            return SpringNetwork(np.zeros((0, 2), np.int32), [], [], [], [])
         return SpringNetwork(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
 
 
@@ -121,7 +123,9 @@ def mesh_springs(points: np.ndarray, triangles: np.ndarray, fabric: Fabric, kind
     """
     table = EdgeTable.of(triangles)
     edge_area = np.bincount(table.of_side, weights=np.repeat(triangle_areas(points, triangles), 3))
-    if kind == "fitted":
+    if kind == "woven":
+        pairs, stiffness = table.edges, np.zeros(len(table.edges))
+    elif kind == "fitted":
         fitted = fit_springs(points, triangles, np.array([1.0, 0.0, 0.0]), fabric.stretch, fabric.shear_stiffness)
         _warn_of_other_moduli(fabric, fitted.young, fitted.shear)
         pairs, stiffness = fitted.pairs, fitted.stiffness

@@ -30,6 +30,7 @@ class PositionStep(Integrator):
     symplectic = False
     capturable = True
     solves_springs_only = True
+    solved_forces = ("springs",)
     sweep_value = 1.0  # sweeps of XPBD that an iteration is worth on hanging cloth
 
     def __init__(self, model: Model, iterations: int, warm_start: float = 0.0):
@@ -42,7 +43,7 @@ class PositionStep(Integrator):
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
-        forces.evaluate(state_in, without=("springs",))
+        forces.evaluate(state_in, without=self.solved_forces)
         self.predict(model, state_in, state_out, dt)
         self.finish(model, state_in, state_out, self._solve(model, state_in, forces, dt), dt)
 
