@@ -1,15 +1,15 @@
 """Woven triangles: springs along the yarns inside each triangle, in the directions of warp, weft and ±45°.
 
 The deformation gradient F of a triangle takes a direction e of the sheet at rest to F e = Σ g_k x_k, g_k the slopes of
-the linear shape functions along e; Σ g_k = 0. A spring of rest length r along e has d = r F e: a weighted sum of the
-three corners, which in the longest chord along e is one corner against a point on the opposite side. It obeys the law of
-``spring_law.py``, its force spread over the corners by the weights r g_k. With k_s r = C A its energy is that of a sheet,
+the linear shape functions along e; Σ g_k = 0. A spring of rest length r along e has d = r F e, a weighted sum of the
+three corners: in the longest chord along e one corner against a point on the opposite side. It obeys the law of
+``spring_law.py``, its force spread over the corners by the weights r g_k. With k_s r = C A it has a sheet's energy,
 
     E = ½ C A (|F e| − 1)²,        f_k = −C A (|F e| − 1) g_k n,        n = F e/|F e|,
 
-whatever r is, so it is 1 m here. (Baraff and Witkin, Large Steps in Cloth Simulation, 1998, have the stretch condition
-|F e| = 1 along warp and weft.) Springs along ±45° give the sheet its shear modulus and Poisson's ratio, as the diagonals
-of grids do. Beyond a strain limit, warp and weft have the second spring of ``strain_limit.py``.
+whatever r is, so it is 1 m here. (|F e| = 1 along warp and weft is the stretch condition of Baraff and Witkin, Large
+Steps in Cloth Simulation, 1998.) Springs along ±45° give the sheet its shear modulus and Poisson's ratio, as the
+diagonals of grids do. Beyond a strain limit, warp and weft have the second spring of ``strain_limit.py``.
 """
 
 import sys
@@ -124,9 +124,7 @@ def yarn_limit_matrix(d: vec3, k: real, law: vec3, limit: real):
 
 
 @wp.func
-def triangle_pull(
-    woven: WovenModel, t: int, particle_q: wp.array(dtype=vec3), particle_qd: wp.array(dtype=vec3)
-):
+def triangle_pull(woven: WovenModel, t: int, particle_q: wp.array(dtype=vec3), particle_qd: wp.array(dtype=vec3)):
     """What the yarns of a triangle pull with [J], see :func:`corner_force`."""
     f = slopes(woven, t, particle_q)
     rate = slopes(woven, t, particle_qd)
@@ -229,9 +227,11 @@ def strain(
     # State in
     particle_q: wp.array(dtype=vec3),
     # Out
-    strain_out: wp.array(dtype=vec2),
+    strain_out: wp.array(dtype=real),
 ):
-    """|F e| − 1 of each triangle along warp and weft [-]."""
+    """|F e| − 1 of the four yarns of each triangle [-]."""
     t = wp.tid()
     f = slopes(woven, t, particle_q)
-    strain_out[t] = vec2(wp.length(f.along) - real(1.0), wp.length(f.across) - real(1.0))
+    for yarn in range(4):
+        e = direction_of(yarn)
+        strain_out[4 * t + yarn] = wp.length(e[0] * f.along + e[1] * f.across) - real(1.0)

@@ -43,7 +43,7 @@ def triangle_product(
     a: real,
     b: real,
 ):
-    """What the yarns of a triangle pull with for (a K + b C) x: the negative of a change in force, see ``corner_force``."""
+    """What the yarns of a triangle pull with for (a K + b C) x; see ``corner_force``."""
     f = slopes(woven, t, particle_q)
     rate = slopes(woven, t, particle_qd)
     change = slopes(woven, t, x)

@@ -1,8 +1,8 @@
 """Woven triangles solved one after another: extended position-based dynamics of the yarns inside them.
 
-Each yarn is solved as the spring in ``xpbd.py``, of which this is the general form: its end-to-end vector is d = Σ w_k x_k
-with the slopes w_k of the corners, so that an impulse h J along it moves corner k by −w_k h J/m_k, and W = Σ w_k²/m_k.
-Beyond a strain limit the law is linear again, with another slope, and solved as exactly.
+Each yarn is solved as the spring in ``xpbd.py``, of which this is the general form: from end to end it is
+d = Σ w_k x_k with the slopes w_k of the corners, so that an impulse h J along it moves corner k by −w_k h J/m_k, and
+W = Σ w_k²/m_k. Beyond a strain limit the law is linear again, with another slope, and solved as exactly.
 
 The four yarns of a triangle are solved in turn by one thread; triangles of one launch share no particle.
 """

@@ -11,7 +11,7 @@ from .errors import BadStartError, DivergedError
 from .intersections import intersections
 from .kernels import KernelSet
 from .kinematics import make_tracks
-from .model import Model
+from .model import YARNS, Model
 from .obstacles import Obstacle
 from .state import State
 
@@ -44,10 +44,9 @@ def spring_strain(model: Model, state: State) -> np.ndarray:
     return out.numpy()
 
 
-def structural_strain(model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
-    """Strain [-] of all structural springs and of woven triangles along warp and weft, and a particle of each."""
-    springs = model.spring_kind.numpy() == 0
-    yarns = wp.zeros(model.woven_count, dtype=model.kernels.precision.vec2, device=model.device)
+def every_strain(model: Model, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of every spring and then of the four yarns of each woven triangle: strain [-], a particle, whether structural."""
+    yarns = wp.zeros(YARNS * model.woven_count, dtype=model.real, device=model.device)
     wp.launch(
         model.kernels.woven.strain,
         dim=model.woven_count,
@@ -55,9 +54,10 @@ def structural_strain(model: Model, state: State) -> tuple[np.ndarray, np.ndarra
         outputs=[yarns],
         device=model.device,
     )
-    strain = np.concatenate([spring_strain(model, state)[springs], yarns.numpy().ravel()])
-    corners = model.woven.corners.numpy().reshape(-1, 3)[:, 0]
-    return strain, np.concatenate([model.spring_indices.numpy()[springs, 0], np.repeat(corners, 2)])
+    strain = np.concatenate([spring_strain(model, state), yarns.numpy()])
+    corner = np.repeat(model.woven.corners.numpy().reshape(-1, 3)[:, 0], YARNS)
+    structural = np.concatenate([model.spring_kind.numpy() == 0, np.arange(len(corner)) % YARNS < 2])
+    return strain, np.concatenate([model.spring_indices.numpy()[:, 0], corner]), structural
 
 
 def greatest_speeds(model: Model, state: State) -> np.ndarray:
@@ -221,13 +221,14 @@ def measure(model: Model, state: State, time: float) -> dict[str, Any]:
 
     Returns:
         ``time`` [s], ``mean_strain`` and ``max_strain`` (of |strain| over the structural springs and the yarns of
-        woven triangles [-]), ``max_speed``
+        woven triangles along warp and weft [-]), ``max_speed``
         [m/s], ``max_penetration_m`` (of particles below the obstacles' true surfaces [m]), ``intersections`` and
         ``obstacle_intersections`` (pairs of triangles that meet: of cloth, and of cloth with a box or mesh).
     """
+    strain, _, structural = every_strain(model, state)
     return _measures(
         time,
-        np.abs(structural_strain(model, state)[0]),
+        np.abs(strain[structural]),
         greatest_speeds(model, state),
         penetration_depths(model, state),
         intersections(model, state),
@@ -236,9 +237,9 @@ def measure(model: Model, state: State, time: float) -> dict[str, Any]:
 
 def measure_worlds(model: Model, state: State, time: float) -> list[dict[str, Any]]:
     """Measures of each world by itself, as :func:`measure` names them."""
-    strain, particle = structural_strain(model, state)
-    strain, worlds = np.abs(strain), model.particle_world.numpy()
-    strain_worlds = worlds[particle]
+    strain, particle, structural = every_strain(model, state)
+    strain, worlds = np.abs(strain[structural]), model.particle_world.numpy()
+    strain_worlds = worlds[particle[structural]]
     speeds, depths, crossings = (
         greatest_speeds(model, state),
         penetration_depths(model, state),

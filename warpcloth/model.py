@@ -20,6 +20,7 @@ from .obstacles import Obstacle
 if TYPE_CHECKING:
     from .cloth import Cloth
 
+YARNS = 4  # of a woven triangle: warp, weft, ±45°
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 
 

@@ -116,7 +116,7 @@ class _Network:
         self.directions = None if positions is None else _unit(positions[self.q] - positions[self.p])
 
     def apply(self, strength: Strengths, x: np.ndarray) -> np.ndarray:
-        """M^(−1/2) K M^(−1/2) x, of springs [N/m or N s/m], elements [N m³ or N m³ s] and yarns [J or J s] so strong."""
+        """M^(−1/2) K M^(−1/2) x; springs [N/m or N s/m], elements [N m³ or N m³ s] and yarns [J or J s] so strong."""
         y = x * np.sqrt(self.inverse_mass)[:, None]
         d = y[self.q] - y[self.p]
         if self.directions is not None:

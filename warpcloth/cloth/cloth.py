@@ -205,8 +205,8 @@ class Cloth:
             pins: vertex indices, ``pin_box(...)``, ``pin_nearest(...)``, or a list of these.
             transform: 4 × 4 matrix, which may scale, or translation [m].
             name: defaults to the name of the file or prim.
-            springs: what the mesh's springs have of the fabric: "stretch", "shear" or, at a price, both ("fitted"); see
-                :func:`~warpcloth.cloth.springs.mesh_springs`.
+            springs: what the mesh's springs have of the fabric: "stretch", "shear" or both, along the yarns inside its
+                triangles ("woven") or between vertices ("fitted"); see :func:`~warpcloth.cloth.springs.mesh_springs`.
             prim: path or name of a mesh in a USD or glTF file with several; a parent of some means them joined.
             inflation: pressure inside a mesh that is closed.
 

@@ -7,12 +7,10 @@ import numpy as np
 import warp as wp
 
 from ..forces import Forces
-from ..model import Model
+from ..model import YARNS, Model
 from ..state import Memory, State
 from .colouring import SpringColours, TriangleColours
 from .position_step import PositionStep
-
-YARNS = 4  # of a woven triangle
 
 
 class Xpbd(PositionStep):
