@@ -11,10 +11,13 @@ from test_hessians import dense_matrix, force_slope, linearization, product
 from test_mesh_fit import irregular
 
 import warpcloth as wc
+from warpcloth.cloth import BEND
 from warpcloth.cloth.sheet import sheet_tensor
-from warpcloth.diagnostics import measure
+from warpcloth.diagnostics import every_strain, measure
+from warpcloth.errors import InputError
 from warpcloth.forces import ASSEMBLIES, Forces, Woven
 from warpcloth.gradients import Rollout
+from warpcloth.lab import Setup, shear, tensile
 from warpcloth.stability import fastest_rates, largest_stable_step
 from warpcloth.state import State
 
@@ -220,6 +223,51 @@ def test_one_yarn_of_xpbd_is_implicit_euler():
         found.append(sim.state.particle_q.numpy())
     assert np.abs(found[0] - points)[2, 1] > 1e-6
     assert np.abs(found[0] - found[1]).max() < 1e-12
+
+
+def test_lab_returns_what_was_put_in_on_irregular_meshes():
+    """A firm weave, along warp and weft and in shear; a limited sheet bends up where it should."""
+    setup = Setup(fabric=wc.library_fabric("cotton"), mesh="irregular", resolution=8)
+    assert warp_modulus(setup) == pytest.approx(12000.0, rel=0.002)
+    stress, settled = shear.sheared(setup, 0.5)
+    assert settled
+    assert stress / np.deg2rad(0.5) == pytest.approx(56.0, rel=0.002)
+    limited = wc.Fabric(
+        stretch_stiffness=400.0, shear_stiffness=20.0, strain_limit=0.01, limit_stiffness=2000.0, bend_stiffness=0.0
+    )
+    strain, load, _ = tensile.pulled(Setup(fabric=limited, mesh="irregular", resolution=12), limited, 0.02)
+    assert strain > 0.015
+    assert load == pytest.approx(tensile.load_at(limited, strain), rel=0.01)
+
+
+def warp_modulus(setup: Setup) -> float:
+    strain, load, settled = tensile.pulled(setup, setup.fabric, 0.002)
+    assert settled
+    return load / strain
+
+
+@pytest.mark.parametrize("integrator", ["symplectic_euler", "velocity_verlet", "xpbd"])
+def test_the_scheme_does_not_change_the_moduli(integrator):
+    setup = Setup(fabric=FABRIC, mesh="irregular", resolution=6)
+    assert warp_modulus(replace(setup, integrator=integrator)) == pytest.approx(warp_modulus(setup), rel=1e-5)
+
+
+def test_newton_gets_no_woven_cloth():
+    newton = pytest.importorskip("newton")
+    from warpcloth.interop.newton import add_cloth
+
+    with pytest.raises(InputError, match="must have springs between its vertices for Newton"):
+        add_cloth(newton.ModelBuilder(), sheet())
+
+
+def test_bend_springs_stand_beside_the_yarns():
+    """The tutorials' bend springs join vertices; all else is in the triangles."""
+    cloth = sheet(replace(FABRIC, bend_stiffness=4.0))
+    assert set(cloth.springs.kinds) == {BEND}
+    model = wc.Model.build(cloth, precision="float64")
+    assert [len(values) for values in every_strain(model, State.of(model))] == [
+        len(cloth.springs) + 4 * len(cloth.triangles)
+    ] * 3
 
 
 @pytest.mark.parametrize("integrator", ["symplectic_euler", "xpbd", "implicit_euler"])
