@@ -10,6 +10,7 @@ import warp as wp
 
 from warpcloth.diagnostics import penetration_depths
 from warpcloth.intersections import Triangles
+from warpcloth.model import YARNS
 from warpcloth.simulation import Simulation
 from warpcloth.validate import choice
 
@@ -153,7 +154,7 @@ class _Run:
             fps=self.scene.fps,
             substeps=simulation.substeps,
             particles=model.particle_count,
-            springs=model.spring_count,
+            springs=model.spring_count + YARNS * model.woven_count,
             triangles=model.tri_count,
             ms_per_frame=1e3 * typical,
             compile_s=max(0.0, self.ready - self.built + self.frame_times[0] - typical),

@@ -288,7 +288,7 @@ def test_the_stable_step_of_bending_is_the_known_one():
     fabric = wc.Fabric(areal_density=0.2, bending_rigidity=B, bend_stiffness=0.0, damping_time=0.0)
     a = 0.01
     model = wc.Model.build(wc.Cloth.grid((24 * a, 24 * a), (25, 25), fabric))
-    omega, gamma = fastest_rates(model, springs=False)
+    omega, gamma = fastest_rates(model, without=("springs",))
     known = 0.25 * a * a * np.sqrt(0.2 / B)
     assert gamma == 0.0
     assert 2.0 / omega == pytest.approx(known, rel=0.05)

@@ -102,5 +102,5 @@ def test_limits_of_springs_are_said():
     mesh = trimesh.Trimesh(right.points, right.triangles, process=False)
     with pytest.warns(FabricWarning, match=r"stretches [0-9.]+ times as easily in one direction of this mesh as"):
         wc.Cloth.from_mesh(mesh)
-    with pytest.raises(InputError, match="springs must be one of 'stretch', 'shear', 'fitted'"):
+    with pytest.raises(InputError, match="springs must be one of 'stretch', 'shear', 'fitted', 'woven'"):
         wc.Cloth.disc(springs="fit")

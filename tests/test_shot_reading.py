@@ -290,10 +290,18 @@ def test_discs_jitter_and_pressure_survive_the_export(tmp_path):
     jitter = 0.001
     velocity = [0.0, 1.0, 0.0]
     [[cloth]]
+    shape = "disc"
+    radius = 0.2
+    resolution = 3
+    springs = "woven"
+    jitter = 0.001
+    position = [2.0, 0.0, 0.0]
+    [[cloth]]
     shape = "mesh"
     path = "warp:sphere.usd"
     scale = 0.2
     position = [1.0, 0.0, 0.0]
+    springs = "woven"
     inflation = { pressure = 50.0, gas = true }
     """
     scene = scene_from_toml(text)
@@ -303,5 +311,10 @@ def test_discs_jitter_and_pressure_survive_the_export(tmp_path):
         np.testing.assert_allclose(other.points, cloth.points, atol=1e-7)
         np.testing.assert_allclose(other.springs.rest_lengths, cloth.springs.rest_lengths, rtol=1e-6)
         np.testing.assert_allclose(other.springs.stiffness, cloth.springs.stiffness, rtol=1e-5)
+        np.testing.assert_allclose(other.woven.stiffness, cloth.woven.stiffness, rtol=1e-4)
+        np.testing.assert_allclose(
+            other.woven.slopes, cloth.woven.slopes, atol=1e-4 * np.abs(cloth.woven.slopes).max(initial=0.0)
+        )
         assert np.array_equal(other.velocity, cloth.velocity)
         assert other.inflation == cloth.inflation
+    assert [len(cloth.woven) > 0 for cloth in found] == [False, True, True]

@@ -11,7 +11,7 @@ from .errors import BadStartError, DivergedError
 from .intersections import intersections
 from .kernels import KernelSet
 from .kinematics import make_tracks
-from .model import Model
+from .model import YARNS, Model
 from .obstacles import Obstacle
 from .state import State
 
@@ -42,6 +42,22 @@ def spring_strain(model: Model, state: State) -> np.ndarray:
         device=model.device,
     )
     return out.numpy()
+
+
+def every_strain(model: Model, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of every spring and then of the four yarns of each woven triangle: strain [-], a particle, whether structural."""
+    yarns = wp.zeros(YARNS * model.woven_count, dtype=model.real, device=model.device)
+    wp.launch(
+        model.kernels.woven.strain,
+        dim=model.woven_count,
+        inputs=[model.woven, state.particle_q],
+        outputs=[yarns],
+        device=model.device,
+    )
+    strain = np.concatenate([spring_strain(model, state), yarns.numpy()])
+    corner = np.repeat(model.woven.corners.numpy().reshape(-1, 3)[:, 0], YARNS)
+    structural = np.concatenate([model.spring_kind.numpy() == 0, np.arange(len(corner)) % YARNS < 2])
+    return strain, np.concatenate([model.spring_indices.numpy()[:, 0], corner]), structural
 
 
 def greatest_speeds(model: Model, state: State) -> np.ndarray:
@@ -204,13 +220,15 @@ def measure(model: Model, state: State, time: float) -> dict[str, Any]:
     """Measures of one state, over all its worlds.
 
     Returns:
-        ``time`` [s], ``mean_strain`` and ``max_strain`` (of |strain| over the structural springs [-]), ``max_speed``
+        ``time`` [s], ``mean_strain`` and ``max_strain`` (of |strain| over the structural springs and the yarns of
+        woven triangles along warp and weft [-]), ``max_speed``
         [m/s], ``max_penetration_m`` (of particles below the obstacles' true surfaces [m]), ``intersections`` and
         ``obstacle_intersections`` (pairs of triangles that meet: of cloth, and of cloth with a box or mesh).
     """
+    strain, _, structural = every_strain(model, state)
     return _measures(
         time,
-        np.abs(spring_strain(model, state)[model.spring_kind.numpy() == 0]),
+        np.abs(strain[structural]),
         greatest_speeds(model, state),
         penetration_depths(model, state),
         intersections(model, state),
@@ -219,10 +237,9 @@ def measure(model: Model, state: State, time: float) -> dict[str, Any]:
 
 def measure_worlds(model: Model, state: State, time: float) -> list[dict[str, Any]]:
     """Measures of each world by itself, as :func:`measure` names them."""
-    structural = model.spring_kind.numpy() == 0
-    strain = np.abs(spring_strain(model, state)[structural])
-    worlds = model.particle_world.numpy()
-    strain_worlds = worlds[model.spring_indices.numpy()[structural, 0]]
+    strain, particle, structural = every_strain(model, state)
+    strain, worlds = np.abs(strain[structural]), model.particle_world.numpy()
+    strain_worlds = worlds[particle[structural]]
     speeds, depths, crossings = (
         greatest_speeds(model, state),
         penetration_depths(model, state),

@@ -30,7 +30,7 @@ class Fabric:
         stretch_stiffness_weft: the same along the weft.
         shear_stiffness: shear modulus G of the sheet, force per width and angle [N/m], at most Y; 0: no shear springs.
             Networks of springs tie Poisson's ratio to it: ν = G/C with C = (Y + √(Y² + 4 G²))/2. Other meshes
-            than grids have either this or Y, see ``springs`` of :meth:`warpcloth.Cloth.from_mesh`.
+            than grids have either this or Y, or both if woven; see ``springs`` of :meth:`warpcloth.Cloth.from_mesh`.
         bending_rigidity: moment per width and curvature B for bending along the warp [N m]; 0: none.
             :func:`rigidity_of_length` gives it from a bending length.
         bending_rigidity_weft: the same along the weft; 0 where that along the warp is 0, and only there.

@@ -9,7 +9,7 @@ import warp as wp
 from . import validate
 from .air import Air
 from .errors import InputError
-from .forces import AirDrag, Bending, ForceTerm, Pressure, Springs, StrainLimit
+from .forces import AirDrag, Bending, ForceTerm, Pressure, Springs, StrainLimit, Woven
 from .integrators import Integrator
 from .model import Model
 
@@ -26,6 +26,8 @@ def force_terms(
     if airs and len(airs) != model.world_count:
         raise InputError(f"Air must be given once or for each of the {model.world_count} worlds, got {len(airs)}.")
     terms: list[ForceTerm] = [Springs(model, assembly, ranges)]
+    if model.woven_count > 0:
+        terms.append(Woven(model, assembly, ranges))
     if model.bend_count > 0:
         terms.append(Bending(model, assembly, ranges))
     if any(item.density > 0.0 for item in airs) and model.tri_count > 0:

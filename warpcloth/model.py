@@ -9,6 +9,7 @@ import warp as wp
 
 from . import validate
 from .cloth.bending import BendingElements
+from .cloth.woven import WovenTriangles
 from .collision_shapes import CollisionShapes
 from .errors import InputError
 from .kernels import KernelSet, variant_name
@@ -19,6 +20,7 @@ from .obstacles import Obstacle
 if TYPE_CHECKING:
     from .cloth import Cloth
 
+YARNS = 4  # of a woven triangle: warp, weft, ±45°
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 
 
@@ -55,6 +57,8 @@ class Model:
         tri_bag: inflated cloth of each triangle, or −1, int32. bags: their pressures [Pa], volumes [m³], ….
         bending: bending elements, a struct of arrays (``kernels/bending.py``). particle_bend_start, particle_bend_ids,
             particle_bend_elements: the entries of each particle in rising order, and their elements (compressed rows).
+        woven: triangles with springs along their yarns, a struct of arrays (``kernels/woven.py``), woven_count of them.
+            particle_woven_start, particle_woven_ids: rows of their corners, as above.
         moving_pins, tracks: prescribed motions. shapes: obstacles.
         cloths: a :class:`ClothRange` for each cloth.
         differentiable: whether the kernels have adjoints.
@@ -79,6 +83,7 @@ class Model:
         self.spring_count = len(parts.springs)
         self.tri_count = len(parts.triangles)
         self.bend_count = len(parts.bending)
+        self.woven_count = len(parts.woven)
         self.cloths = tuple(ClothRange(*row) for row in parts.ranges)
         self.bag_count = len(parts.bags)
         rows = np.array(parts.bags, float).reshape(-1, 5).T
@@ -210,6 +215,7 @@ class Model:
         self.particle_corner_start = self.array(start, wp.int32)
         self.particle_corner_ids = self.array(ids, wp.int32)
         self._upload_bending(parts.bending, parts.bend_damping)
+        self._upload_woven(parts.woven)
 
     def _upload_bending(self, elements: BendingElements, damping: np.ndarray) -> None:
         model = self.kernels.bending.BendingModel()
@@ -230,6 +236,18 @@ class Model:
         self.particle_bend_start = self.array(np.concatenate([[0], np.cumsum(rows)]), wp.int32)
         self.particle_bend_ids = self.array(order, wp.int32)
         self.particle_bend_elements = self.array(elements.element[order], wp.int32)
+
+    def _upload_woven(self, triangles: WovenTriangles) -> None:
+        model, vec2 = self.kernels.woven.WovenModel(), self.kernels.precision.vec2
+        model.corners = self.array(triangles.corners, wp.vec3i)
+        model.along = self.array(triangles.slopes[:, 0], vec2)
+        model.across = self.array(triangles.slopes[:, 1], vec2)
+        model.stiffness = self.array(triangles.stiffness, self.vec3, requires_grad=self.differentiable)
+        model.law = self.array(triangles.law, self.vec3, requires_grad=self.differentiable)
+        self.woven = model
+        start, ids = incident_rows(triangles.corners.reshape(-1, 1), self.particle_count)
+        self.particle_woven_start = self.array(start, wp.int32)
+        self.particle_woven_ids = self.array(ids, wp.int32)
 
     def _make_motions(self, parts: Parts, obstacles: Sequence[tuple[int, Obstacle]]) -> None:
         motions = [row[1] for row in parts.moving]

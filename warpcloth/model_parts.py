@@ -10,6 +10,7 @@ from . import validate
 from .cloth.bending import BendingElements
 from .cloth.inflation import enclosed_volume
 from .cloth.sheet import sheet_tensor
+from .cloth.woven import WovenTriangles
 from .errors import InputError
 from .motion import Motion
 
@@ -49,6 +50,7 @@ class Parts:
     air_friction: np.ndarray
     bending: BendingElements
     bend_damping: np.ndarray
+    woven: WovenTriangles = field(default_factory=WovenTriangles.none)
     bags: list[tuple[float, float, float, bool, float]] = field(default_factory=list)
     bag: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     moving: list[tuple[np.ndarray, Motion, np.ndarray, np.ndarray]] = field(default_factory=list)
@@ -66,7 +68,7 @@ def parts_of_worlds(worlds: Sequence[Sequence["Cloth"]]) -> Parts:
     Raises:
         InputError: a world without cloth, or with two cloths of one name.
     """
-    pieces, bending, moving, ranges, bags = [], [], [], [], []
+    pieces, bending, woven, moving, ranges, bags = [], [], [], [], [], []
     first = tri_first = 0
     for world, cloths in enumerate(worlds):
         _check_names(world, cloths)
@@ -75,13 +77,15 @@ def parts_of_worlds(worlds: Sequence[Sequence["Cloth"]]) -> Parts:
             pieces[-1]["bag"] = np.full(len(cloth.triangles), -1 if cloth.inflation is None else len(bags), np.int32)
             bags += _bags(cloth)
             bending.append((cloth.bending, first))
+            woven.append((cloth.woven, first))
             moving += _moving_pins(cloth, first)
             stop, tri_stop = first + len(cloth.points), tri_first + len(cloth.triangles)
             ranges.append((world, cloth.name, first, stop, tri_first, tri_stop))
             first, tri_first = stop, tri_stop
     joined = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
     elements = BendingElements.joined(*zip(*bending, strict=True))
-    return Parts(**joined, bending=elements, moving=moving, ranges=ranges, bags=bags)
+    yarns = WovenTriangles.joined(*zip(*woven, strict=True))
+    return Parts(**joined, bending=elements, woven=yarns, moving=moving, ranges=ranges, bags=bags)
 
 
 def _check_names(world: int, cloths: Sequence["Cloth"]) -> None:

@@ -14,7 +14,7 @@ where the mesh resolves the curvature.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +32,9 @@ TOLERANCE = 1e-5
 # limit, and kept it within 15 % at a quarter of it. With the default damping 0.7 is enough.
 SAFETY = 0.7
 WARNING_ITERATIONS = 60  # within about 1 % of the step
+YARNS = np.array([[1.0, 0.0], [0.0, 1.0], [np.sqrt(0.5), np.sqrt(0.5)], [np.sqrt(0.5), -np.sqrt(0.5)]])
+
+Strengths = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class _Bending:
@@ -60,26 +63,60 @@ class _Bending:
         return np.bincount(self.particle, size * total[self.element], count)
 
 
-class _Network:
-    """Host copy of what the eigenvalue problems need; strengths are pairs, of springs and of bending elements."""
+class _Woven:
+    """Springs along the yarns of woven triangles on the host: four weighted sums of three corners in each.
 
-    def __init__(self, model: "Model", positions: np.ndarray | None, springs: bool = True):
+    Args:
+        model: the model.
+        positions: the configuration [m]; None: yarns act in all directions.
+    """
+
+    def __init__(self, model: "Model", positions: np.ndarray | None):
+        woven = model.woven
+        self.corners = woven.corners.numpy().reshape(-1, 3)
+        later = np.stack([woven.along.numpy(), woven.across.numpy()], axis=1).astype(np.float64)
+        slopes = np.concatenate([-later.sum(axis=2, keepdims=True), later], axis=2)  # of warp and weft, by corner
+        self.weights = np.einsum("ya,mac->myc", YARNS, slopes)
+        self.stiffness = woven.stiffness.numpy()[:, [0, 1, 2, 2]].astype(np.float64)
+        self.damping = self.stiffness * woven.law.numpy()[:, :1]
+        self.stiffness[:, :2] *= 1.0 + woven.law.numpy()[:, 2:]
+        self.directions = None
+        if positions is not None:
+            self.directions = _unit(np.einsum("myc,mcx->myx", self.weights, positions[self.corners]))
+
+    def apply(self, strength: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """K x of yarns of ``strength`` [J or J s], shape [m, 4]."""
+        d = np.einsum("myc,mcx->myx", self.weights, x[self.corners])
+        if self.directions is not None:
+            d = self.directions * np.sum(self.directions * d, axis=2, keepdims=True)
+        f = np.einsum("my,myc,myx->mcx", strength, self.weights, d).reshape(-1, x.shape[1])
+        return np.stack([np.bincount(self.corners.ravel(), column, len(x)) for column in f.T], axis=1)
+
+    def row_sums(self, strength: np.ndarray, count: int) -> np.ndarray:
+        """No less than the sum of |K_ij| over each row."""
+        size = np.abs(self.weights)
+        rows = np.einsum("my,myc->mc", strength * size.sum(axis=2), size)
+        return np.bincount(self.corners.ravel(), rows.ravel(), count)
+
+
+class _Network:
+    """Host copy of what the eigenvalue problems need; strengths are those of springs, bending elements and yarns."""
+
+    def __init__(self, model: "Model", positions: np.ndarray | None, without: Sequence[str] = ()):
         ends = model.spring_indices.numpy()
         self.p, self.q = ends[:, 0], ends[:, 1]
         self.inverse_mass = model.particle_inv_mass.numpy().astype(np.float64)
-        self.bending = _Bending(model)
-        per_length = (1.0 if springs else 0.0) / model.spring_rest_length.numpy().astype(np.float64)
+        self.bending, self.woven = _Bending(model), _Woven(model, positions)
+        per_length = float("springs" not in without) / model.spring_rest_length.numpy().astype(np.float64)
         limited = model.spring_stiffness.numpy() + model.spring_limit_stiffness.numpy()
-        self.stiffness = (limited * per_length, self.bending.stiffness)
-        self.damping = (model.spring_damping.numpy() * per_length, self.bending.damping)
-        self.directions = None
-        if positions is not None:
-            d = positions[self.q] - positions[self.p]
-            length = np.linalg.norm(d, axis=1, keepdims=True)
-            self.directions = np.divide(d, length, out=np.zeros_like(d), where=length > 0.0)
+        yarns = float("woven" not in without)
+        self.stiffness: Strengths = (limited * per_length, self.bending.stiffness, yarns * self.woven.stiffness)
+        damping = model.spring_damping.numpy() * per_length
+        self.damping: Strengths = (damping, self.bending.damping, yarns * self.woven.damping)
+        self.directions = None if positions is None else _unit(positions[self.q] - positions[self.p])
 
-    def apply(self, strength: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> np.ndarray:
-        """M^(−1/2) K M^(−1/2) x, of springs [N/m or N s/m] and elements [N m³ or N m³ s] so strong."""
+    def apply(self, strength: Strengths, x: np.ndarray) -> np.ndarray:
+        """M^(−1/2) K M^(−1/2) x; springs [N/m or N s/m], elements [N m³ or N m³ s] and yarns [J or J s] so strong."""
         y = x * np.sqrt(self.inverse_mass)[:, None]
         d = y[self.q] - y[self.p]
         if self.directions is not None:
@@ -89,16 +126,18 @@ class _Network:
         total = np.stack([np.bincount(self.q, c, n) - np.bincount(self.p, c, n) for c in f.T], axis=1)
         if len(strength[1]) > 0:
             total = total + self.bending.apply(strength[1], y)
+        if len(strength[2]) > 0:
+            total = total + self.woven.apply(strength[2], y)
         return total * np.sqrt(self.inverse_mass)[:, None]
 
-    def bound(self, strength: tuple[np.ndarray, np.ndarray]) -> float:
+    def bound(self, strength: Strengths) -> float:
         """No less than the largest eigenvalue, by Gershgorin's theorem."""
         n = len(self.inverse_mass)
         total = 2.0 * np.bincount(np.concatenate([self.p, self.q]), np.tile(strength[0], 2), n)
-        total = total + self.bending.row_sums(strength[1], n)
+        total = total + self.bending.row_sums(strength[1], n) + self.woven.row_sums(strength[2], n)
         return float(np.max(total * self.inverse_mass, initial=0.0))
 
-    def largest_eigenvalue(self, strength: tuple[np.ndarray, np.ndarray], iterations: int = MAX_ITERATIONS) -> float:
+    def largest_eigenvalue(self, strength: Strengths, iterations: int = MAX_ITERATIONS) -> float:
         """By power iteration; 0 for a network without free ends."""
         width = 1 if self.directions is None else 3
         x = np.random.default_rng(0).standard_normal((len(self.inverse_mass), width))
@@ -115,24 +154,33 @@ class _Network:
         return value
 
 
-def rate_bounds(model: "Model", *, springs: bool = True) -> tuple[float, float]:
-    """Upper bounds of ω [1/s] and γ [1/s] in any configuration, at the cost of one sum; without springs if so asked."""
-    network = _Network(model, None, springs)
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0))
+
+
+def rate_bounds(model: "Model", *, without: Sequence[str] = ()) -> tuple[float, float]:
+    """Upper bounds of ω [1/s] and γ [1/s] in any configuration, at the cost of one sum; ``without`` as below."""
+    network = _Network(model, None, without)
     return math.sqrt(network.bound(network.stiffness)), network.bound(network.damping)
 
 
 def fastest_rates(
-    model: "Model", positions: np.ndarray | None = None, iterations: int = MAX_ITERATIONS, *, springs: bool = True
+    model: "Model",
+    positions: np.ndarray | None = None,
+    iterations: int = MAX_ITERATIONS,
+    *,
+    without: Sequence[str] = (),
 ) -> tuple[float, float]:
     """ω [1/s] and γ [1/s] of the stiffest undamped mode and of the most damped one.
 
     Args:
-        model: whose springs, bending elements and masses.
+        model: whose springs, bending elements, woven triangles and masses.
         positions: the configuration, shape [particle_count, 3] [m]; None bounds all configurations.
         iterations: most steps of the power iteration, which approaches the eigenvalues from below.
-        springs: False for the rates of all but springs.
+        without: names of the force terms to leave out, "springs" or "woven".
     """
-    network = _Network(model, positions, springs)
+    network = _Network(model, positions, without)
     fastest = network.largest_eigenvalue(network.stiffness, iterations)
     return math.sqrt(fastest), network.largest_eigenvalue(network.damping, iterations)
 
@@ -140,10 +188,10 @@ def fastest_rates(
 def _usable_step(
     model: "Model", integrator: "Integrator", rates: Callable[..., tuple[float, float]], *arguments: Any
 ) -> float:
-    """Largest step [s] by ``rates``, for all forces and for those besides springs."""
+    """Largest step [s] by ``rates``, for all forces and for those that the scheme does not solve for."""
     step = integrator.usable_step(*rates(model, *arguments))
-    if model.bend_count > 0:
-        step = min(step, integrator.explicit_step(*rates(model, *arguments, springs=False)))
+    if model.bend_count > 0 or model.woven_count > 0:
+        step = min(step, integrator.explicit_step(*rates(model, *arguments, without=integrator.solved_forces)))
     return step
 
 

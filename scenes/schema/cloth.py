@@ -59,7 +59,8 @@ class ClothTable(Table):
 
 SPRINGS = (
     "What the springs have of the fabric: its `stretch` stiffness (shear follows), its `shear` stiffness (stretch "
-    "follows; for the drape of woven fabrics), or both, `fitted`, at the price of stiffer bending on coarse meshes."
+    "follows; for the drape of woven fabrics), or all of it: `woven`, along the yarns inside triangles, on any mesh; "
+    "`fitted`, between vertices, for knits and for schemes that only solve springs between vertices."
 )
 
 
@@ -100,7 +101,7 @@ class DiscTable(ClothTable):
     resolution: Annotated[int, Number("", 1, 1000, whole=True)] = field(
         16, "Rings of vertices between the centre and the edge."
     )
-    springs: Literal["stretch", "shear", "fitted"] = field("stretch", SPRINGS)
+    springs: Literal["stretch", "shear", "fitted", "woven"] = field("stretch", SPRINGS)
 
     @property
     def vertices(self) -> int:
@@ -132,7 +133,7 @@ class MeshClothTable(ClothTable):
     path: MeshPath
     prim: PrimPath
     scale: Annotated[float, positive("", 1e6)] = field(1.0, "Scale about the file's origin.")
-    springs: Literal["stretch", "shear", "fitted"] = field("stretch", SPRINGS)
+    springs: Literal["stretch", "shear", "fitted", "woven"] = field("stretch", SPRINGS)
     inflation: InflationTable | None = field(None, "Pressure inside a mesh that is closed.")
 
     def shaped(self, folder: Path, common: dict[str, Any]) -> Cloth:

@@ -24,6 +24,6 @@ class StageTable(Table):
     )
     collider: PrimPaths = field((), "Prims that cloth collides with, besides those that say so themselves.")
     fabric: FabricTable | None = field(None, "What all of its cloth is made of, in place of what its materials say.")
-    springs: Literal["stretch", "shear", "fitted"] | None = field(
+    springs: Literal["stretch", "shear", "fitted", "woven"] | None = field(
         None, "What the springs have of the fabric, see `springs` of a mesh; by default as `warpcloth:springs` says."
     )

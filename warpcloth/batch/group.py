@@ -113,8 +113,8 @@ class Group:
         model, state = simulation.model, simulation.state
         points, velocities = self._arrays()
         measures = diagnostics.measure_worlds(model, state, simulation.time)
-        strain = diagnostics.spring_strain(model, state)
-        spring_world = model.particle_world.numpy()[model.spring_indices.numpy()[:, 0]]
+        strain, particle, _ = diagnostics.every_strain(model, state)
+        spring_world = model.particle_world.numpy()[particle]
         settled = simulation.settled_worlds()
         for w in ended:
             own = strain[spring_world == w]

@@ -82,7 +82,8 @@ class SweepTable(Table):
     )
     outputs: list[Literal["pose", "frames", "strain", "preview"]] = field(
         ["pose"],
-        "What is kept besides scene and metrics: last frame, all frames, strain of each spring, a picture.",
+        "What is kept besides scene and metrics: last frame, all frames, strain of each spring (of woven "
+        "triangles, too), a picture.",
     )
     stop_at_rest: bool = field(True, "Whether a sample ends when its cloth rests, even before its last frame.")
     check: bool = field(

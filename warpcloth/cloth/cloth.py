@@ -22,6 +22,7 @@ from .grid import DIAGONALS, GridShape
 from .inflation import Inflation, check_closed
 from .pins import Pin, resolve_pins
 from .springs import MESH_SPRINGS, SpringNetwork, lumped_masses, mesh_springs, triangle_areas
+from .woven import WovenTriangles, woven_triangles
 
 MAX_RINGS = 2048  # 12.6 million vertices
 
@@ -44,6 +45,7 @@ class Cloth:
         corner_share: share of each corner in its triangle's mass [-], shape [m, 3]; thirds for None.
         inflation: pressure inside a closed cloth; None: none.
         bending: bending elements over the particles.
+        woven: springs along the yarns inside triangles, besides ``springs``.
 
     Raises:
         InputError: on values out of range; MeshError: on vertices that no triangle gives a mass.
@@ -62,6 +64,7 @@ class Cloth:
     corner_share: Array = None
     inflation: Inflation | None = None
     bending: BendingElements = field(default_factory=BendingElements.none)
+    woven: WovenTriangles = field(default_factory=WovenTriangles.none)
 
     def __post_init__(self):
         label = cloth_label(self.name)
@@ -75,6 +78,7 @@ class Cloth:
         require(self.springs, SpringNetwork, f"{label}: springs")
         require(self.fabric, Fabric, f"{label}: fabric")
         require(self.bending, BendingElements, f"{label}: bending")
+        require(self.woven, WovenTriangles, f"{label}: woven")
         for pin in values["pins"]:
             require(pin, Pin, f"{label}: each of pins")
         if self.inflation is not None:
@@ -164,13 +168,13 @@ class Cloth:
         radius = disc_radius(radius, label)
         rings = validate.integer(resolution, f"{label}: resolution", minimum=1, maximum=MAX_RINGS)
         flat, triangles, fabric = disc_points(radius, rings), disc_triangles(rings), checked_fabric(fabric, label)
-        placed = apply(rigid_matrix(transform, label), flat)
+        placed, kind = apply(rigid_matrix(transform, label), flat), _kind(springs, label)
         named = {"rim": rim(rings), "center": np.zeros(1, np.int32)}
         return Cloth(
             name=name,
             points=placed,
             triangles=triangles,
-            springs=mesh_springs(flat, triangles, fabric, validate.choice(springs, MESH_SPRINGS, f"{label}: springs")),
+            springs=mesh_springs(flat, triangles, fabric, kind),
             masses=lumped_masses(flat, triangles, fabric.areal_density),
             fabric=fabric,
             uvs=0.5 + 0.5 * flat[:, :2] / radius,
@@ -178,6 +182,7 @@ class Cloth:
             pins=resolve_pins(pins, placed, named, label),
             velocity=velocity,
             bending=mesh_bending(flat, triangles, BendingSheet.of(fabric)),
+            woven=woven_triangles(flat, triangles, fabric) if kind == "woven" else WovenTriangles.none(),
         )
 
     @staticmethod
@@ -200,8 +205,8 @@ class Cloth:
             pins: vertex indices, ``pin_box(...)``, ``pin_nearest(...)``, or a list of these.
             transform: 4 × 4 matrix, which may scale, or translation [m].
             name: defaults to the name of the file or prim.
-            springs: what the mesh's springs have of the fabric: "stretch", "shear" or, at a price, both ("fitted"); see
-                :func:`~warpcloth.cloth.springs.mesh_springs`.
+            springs: what the mesh's springs have of the fabric: "stretch", "shear" or both, along the yarns inside its
+                triangles ("woven") or between vertices ("fitted"); see :func:`~warpcloth.cloth.springs.mesh_springs`.
             prim: path or name of a mesh in a USD or glTF file with several; a parent of some means them joined.
             inflation: pressure inside a mesh that is closed.
 
@@ -213,7 +218,7 @@ class Cloth:
         name = mesh.name if name is None else name
         label = cloth_label(name)
         mesh = cloth_mesh(mesh.transformed(as_matrix(transform, f"{label}: transform")))
-        fabric, kind = checked_fabric(fabric, label), validate.choice(springs, MESH_SPRINGS, f"{label}: springs")
+        fabric, kind = checked_fabric(fabric, label), _kind(springs, label)
         return Cloth(
             name=name,
             points=mesh.points,
@@ -227,6 +232,7 @@ class Cloth:
             velocity=velocity,
             inflation=inflation,
             bending=mesh_bending(mesh.points, mesh.triangles, BendingSheet.of(fabric)),
+            woven=woven_triangles(mesh.points, mesh.triangles, fabric) if kind == "woven" else WovenTriangles.none(),
         )
 
     @property
@@ -254,6 +260,8 @@ class Cloth:
             raise InputError(f"{label}: a spring refers to vertex {self.springs.indices.max()} of {count}.")
         if self.bending.particles.max(initial=0) >= count:
             raise InputError(f"{label}: bending refers to vertex {self.bending.particles.max()} of {count}.")
+        if self.woven.corners.max(initial=0) >= count:
+            raise InputError(f"{label}: woven triangles refer to vertex {self.woven.corners.max()} of {count}.")
         if self.uvs is not None and self.uv_indices is not None:
             last = len(self.uvs) - 1
             if self.uv_indices.min() < 0 or self.uv_indices.max() > last:
@@ -264,3 +272,7 @@ class Cloth:
         if len(np.unique(held)) < held.size:
             twice = np.flatnonzero(np.bincount(held) > 1)[0]
             raise InputError(f"{label}: vertex {twice} is in two pins, of which at least one moves.")
+
+
+def _kind(springs: str, label: str) -> str:
+    return validate.choice(springs, MESH_SPRINGS, f"{label}: springs")

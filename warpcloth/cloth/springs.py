@@ -18,7 +18,7 @@ from ..validate import Array
 from .mesh_fit import extreme_moduli, fit_springs
 
 STRUCTURAL, SHEAR, BEND = 0, 1, 2
-MESH_SPRINGS = ("stretch", "shear", "fitted")
+MESH_SPRINGS = ("stretch", "shear", "fitted", "woven")
 LARGEST_DEVIATION = 0.1  # of a mesh's moduli from the fabric's before a warning
 LARGEST_ANISOTROPY = 2.0  # of its Young's moduli, likewise
 FEWEST_TRIANGLES = 100  # whose directions tell something about a sheet
@@ -79,8 +79,10 @@ class SpringNetwork:
 
     @staticmethod
     def joined(parts: Sequence["SpringNetwork"]) -> "SpringNetwork":
-        """All springs of several networks over the same particles."""
+        """All springs of several networks over the same particles; there may be none."""
         fields = ("indices", "rest_lengths", "stiffness", "damping", "kinds")
+        if not parts:
+            return SpringNetwork(np.zeros((0, 2), np.int32), [], [], [], [])
         return SpringNetwork(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
 
 
@@ -104,9 +106,14 @@ def mesh_springs(points: np.ndarray, triangles: np.ndarray, fabric: Fabric, kind
     Young's modulus is Y, Poisson's ratio 1/3 and the shear modulus 3/8 Y, exactly for equilateral triangles (Seung and
     Nelson 1988) and on average over the orientations of any others. Y is the mean of the fabric's two for "stretch";
     "shear" has the fabric's G instead and Y = 8/3 G, which suits the drape of woven fabrics: they shear long before
-    they stretch. "fitted" adds springs to vertices further away and has all of the fabric's moduli
-    (:mod:`warpcloth.cloth.mesh_fit`); but such springs resist bending where cells are large, with an energy that grows
-    with the fourth power of curvature and size.
+    they stretch.
+
+    "woven" has all of the fabric's moduli on any mesh. Its springs join no vertices: they run along the yarns inside
+    triangles (:mod:`warpcloth.cloth.woven`), so that here are bend springs only. "fitted" adds springs to vertices
+    further away (:mod:`warpcloth.cloth.mesh_fit`), which has the fabric's moduli where G is at least some 0.06 Y, as in
+    knits. It is there for what only knows springs between vertices: Newton, and the schemes that solve for no others
+    (pbd, projective_dynamics, vbd). Such springs resist bending where cells are large, with an energy that grows with
+    the fourth power of curvature and size.
 
     A bend spring joins the vertices opposite to an edge and has k_s = bend_stiffness A/L with L its own length.
 
@@ -121,6 +128,16 @@ def mesh_springs(points: np.ndarray, triangles: np.ndarray, fabric: Fabric, kind
     """
     table = EdgeTable.of(triangles)
     edge_area = np.bincount(table.of_side, weights=np.repeat(triangle_areas(points, triangles), 3))
+    parts = [] if kind == "woven" else _surface_springs(points, triangles, table, edge_area, fabric, kind)
+    if fabric.bend_stiffness > 0.0:
+        parts.append(_across_edges(points, triangles, table, edge_area, fabric))
+    return SpringNetwork.joined(parts)
+
+
+def _surface_springs(
+    points: np.ndarray, triangles: np.ndarray, table: EdgeTable, edge_area: np.ndarray, fabric: Fabric, kind: str
+) -> list[SpringNetwork]:
+    """Springs in the surface, between vertices: along edges, and if fitted, to vertices further away."""
     if kind == "fitted":
         fitted = fit_springs(points, triangles, np.array([1.0, 0.0, 0.0]), fabric.stretch, fabric.shear_stiffness)
         _warn_of_other_moduli(fabric, fitted.young, fitted.shear)
@@ -134,9 +151,7 @@ def mesh_springs(points: np.ndarray, triangles: np.ndarray, fabric: Fabric, kind
     for part, family in ((slice(count), STRUCTURAL), (slice(count, None), SHEAR)):
         if len(pairs[part]) and stiffness[part].max() > 0.0:
             parts.append(SpringNetwork.from_pairs(pairs[part], points, stiffness[part], family, fabric.damping_time))
-    if fabric.bend_stiffness > 0.0:
-        parts.append(_across_edges(points, triangles, table, edge_area, fabric))
-    return SpringNetwork.joined(parts)
+    return parts
 
 
 def _warn_of_other_moduli(fabric: Fabric, young: tuple[float, float], shear: float) -> None:
@@ -146,9 +161,9 @@ def _warn_of_other_moduli(fabric: Fabric, young: tuple[float, float], shear: flo
         warnings.warn(
             f"Fabric '{fabric.name}' should have stretch stiffnesses of {wanted[0]:.3g} and {wanted[1]:.3g} N/m and a "
             f"shear stiffness of {wanted[2]:.3g} N/m, but springs on this mesh give it about {found[0]:.3g}, "
-            f"{found[1]:.3g} and {found[2]:.3g}; a grid can have more unequal ones than other meshes.",
+            f"{found[1]:.3g} and {found[2]:.3g}; springs = 'woven' have what they should on any mesh.",
             FabricWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
 
 
@@ -160,9 +175,9 @@ def _warn_of_anisotropy(
     if stiffest > LARGEST_ANISOTROPY * weakest and len(triangles) >= FEWEST_TRIANGLES:
         warnings.warn(
             f"Fabric '{fabric.name}' stretches {stiffest / weakest:.2g} times as easily in one direction of this mesh "
-            "as in another, as its edges lie; use a mesh with edges in more directions, or springs = 'fitted'.",
+            "as in another, as its edges lie; use springs = 'woven', or a mesh with edges in more directions.",
             FabricWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
 
 

@@ -8,8 +8,9 @@ from .pressure import Pressure
 from .springs import ASSEMBLIES, Springs
 from .strain_limit import StrainLimit
 from .user import AppliedForce, UserForce
+from .woven import Woven
 
 __all__ = [
     "ASSEMBLIES", "AirDrag", "AppliedForce", "Bending", "Differentiable", "ForceTerm", "Forces", "Grabs", "Hessian",
-    "Linearization", "Pressure", "Springs", "StrainLimit", "UserForce",
+    "Linearization", "Pressure", "Springs", "StrainLimit", "UserForce", "Woven",
 ]  # fmt: skip

@@ -47,7 +47,8 @@ class Rollout:
         parameters: arrays of the simulation that its motion depends on, by name; may be written to, but for signs
             and zeros of masses and damping. ``particle_mass`` [kg], ``gravity`` [m/s²] of each world, and what
             the forces and obstacles of the simulation have: ``spring_stiffness`` [N], ``spring_damping`` [N s],
-            ``spring_rest_length`` [m]; ``bend_law`` (stiffness [N m³], stiffness times damping time [N m³ s], rest
+            ``spring_rest_length`` [m]; ``woven_stiffness`` [J] of each woven triangle along warp, weft and ±45°;
+            ``bend_law`` (stiffness [N m³], stiffness times damping time [N m³ s], rest
             curvature [1/m]) of each element; ``wind`` [m/s], ``air_density`` [kg/m³], ``tri_air_drag``,
             ``tri_air_friction``; ``particle_friction``, ``obstacle_friction``, ``obstacle_restitution``; ….
         steps: substeps in all.

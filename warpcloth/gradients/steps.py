@@ -51,7 +51,7 @@ def xpbd_step(recording: Recording, scheme: Xpbd, model: Model, start: State, en
     again = copy.copy(scheme)
     again.inertial, again.displacement = (wp.zeros_like(scheme.inertial, requires_grad=True) for _ in range(2))
     with recording:
-        recording.forces.evaluate(start, without=("springs",))
+        recording.forces.evaluate(start, without=again.solved_forces)
         again.predict(model, start, end, dt)
     for iteration in range(again.iterations):
         for colour, force in enumerate(again.force):

@@ -4,6 +4,8 @@ First fit in the given order, on the host, once: deterministic, and on regular g
 family, row by row) as few colours as the most connected particle has springs, which is the least possible.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import warp as wp
 
@@ -11,21 +13,23 @@ from ..model import Model
 
 
 def spring_colours(ends: np.ndarray, particle_count: int) -> np.ndarray:
-    """Colour of each spring, so that no two springs of one colour share a particle.
+    """Colour of each spring or triangle, so that no two of one colour share a particle.
 
     Args:
-        ends: particle pairs, int, shape [s, 2].
+        ends: their particles, int, shape [s, 2] or [s, 3].
 
     Returns:
         Colours from 0, int32, shape [s].
     """
     used = [0] * particle_count  # bit c: a spring of colour c ends here
     colours = np.empty(len(ends), np.int32)
-    for s, (p, q) in enumerate(ends.tolist()):
-        taken = used[p] | used[q]
+    for s, particles in enumerate(ends.tolist()):
+        taken = 0
+        for i in particles:
+            taken |= used[i]
         free = ~taken & (taken + 1)
-        used[p] |= free
-        used[q] |= free
+        for i in particles:
+            used[i] |= free
         colours[s] = free.bit_length() - 1
     return colours
 
@@ -82,3 +86,19 @@ class SpringColours:
     def views(self, whole: wp.array) -> list[wp.array]:
         """The part of each colour in an array in their order, shape [spring_count]."""
         return [whole[a:b] for a, b in zip(self.start[:-1].tolist(), self.start[1:].tolist(), strict=True)]
+
+
+class TriangleColours:
+    """The woven triangles of a model sorted by colour.
+
+    Attributes:
+        numbers: of the triangles of each colour, a Warp array each, int32.
+        corner: the first corner of each of them, int, on the host.
+    """
+
+    def __init__(self, model: Model):
+        corners = model.woven.corners.numpy().reshape(-1, 3)
+        order, start = grouped(spring_colours(corners, model.particle_count))
+        parts = [order[a:b] for a, b in pairwise(start.tolist())]
+        self.numbers = [model.array(part, wp.int32) for part in parts]
+        self.corner = [corners[part, 0] for part in parts]

@@ -3,6 +3,7 @@
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 import warp as wp
@@ -23,14 +24,16 @@ STANDARD_GRAVITY = 9.80665  # [m/s²]
 class PositionStep(Integrator):
     """A step h solved for the displacement δ of each particle: m (δ − δ̂)/h² = spring forces at the end of the step.
 
-    δ̂ = h v + h² f/m holds gravity and all other forces but springs, evaluated at the start of the step. The solution
-    begins at δ̂ plus the share ``warm_start`` of what springs did in the previous step.
+    δ̂ = h v + h² f/m holds gravity and all forces but ``solved_forces``, evaluated at the start of the step. Woven
+    triangles that a scheme does not solve for are among them, and limit its step. The solution begins at δ̂ plus the
+    share ``warm_start`` of what springs did in the previous step.
     """
 
     implicit = True
     symplectic = False
     capturable = True
     solves_springs_only = True
+    solved_forces: ClassVar[tuple[str, ...]] = ("springs",)
     sweep_value = 1.0  # sweeps of XPBD that an iteration is worth on hanging cloth
 
     def __init__(self, model: Model, iterations: int, warm_start: float = 0.0):
@@ -43,7 +46,7 @@ class PositionStep(Integrator):
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
-        forces.evaluate(state_in, without=("springs",))
+        forces.evaluate(state_in, without=self.solved_forces)
         self.predict(model, state_in, state_out, dt)
         self.finish(model, state_in, state_out, self._solve(model, state_in, forces, dt), dt)
 
@@ -122,14 +125,24 @@ class PositionStep(Integrator):
 def weight_step(model: Model) -> float:
     """0.7 (a/L)^(4/3) √(L/g) [s], the least over all cloths; see :meth:`PositionStep.advised_step`.
 
-    L is the diagonal of the cloth's bounding box; a tenth of its in-plane springs are shorter than a.
+    L is the diagonal of the cloth's bounding box; a tenth of its in-plane springs are shorter than a, those of woven
+    triangles being as long as the longest chord along the yarn.
     """
-    positions, first = model.particle_q.numpy(), model.spring_indices.numpy()[:, 0]
-    length, in_plane = model.spring_rest_length.numpy(), model.spring_group.numpy() == 0
-    steps = [math.inf]
+    in_plane = model.spring_group.numpy() == 0
+    chords = [_longest_chords(slopes.numpy()) for slopes in (model.woven.along, model.woven.across)]
+    length = np.concatenate([model.spring_rest_length.numpy()[in_plane], *chords])
+    corner = model.woven.corners.numpy().reshape(-1, 3)[:, 0]
+    first = np.concatenate([model.spring_indices.numpy()[in_plane, 0], corner, corner])
+    positions, steps = model.particle_q.numpy(), [math.inf]
     for cloth in model.cloths:
-        own = length[in_plane & (first >= cloth.start) & (first < cloth.stop)]
+        own = length[(first >= cloth.start) & (first < cloth.stop)]
         size = float(np.linalg.norm(np.ptp(positions[cloth.start : cloth.stop], axis=0)))
         if len(own) and size > 0.0:
             steps.append(0.7 * (np.quantile(own, 0.1) / size) ** (4.0 / 3.0) * math.sqrt(size / STANDARD_GRAVITY))
     return float(min(steps))
+
+
+def _longest_chords(slopes: np.ndarray) -> np.ndarray:
+    """Of triangles along a direction [m], from the slopes [1/m] of two corners, shape [m, 2]."""
+    every = np.column_stack([slopes.reshape(-1, 2), -slopes.reshape(-1, 2).sum(axis=1)])
+    return np.asarray(1.0 / np.abs(every).max(axis=1))

@@ -1,20 +1,21 @@
-"""Extended position-based dynamics: springs as compliant constraints, solved colour by colour."""
+"""Extended position-based dynamics: springs and yarns as compliant constraints, solved colour by colour."""
 
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from ..forces import Forces
 from ..launching import fill, launch
-from ..model import Model
+from ..model import YARNS, Model
 from ..state import Memory, State
-from .colouring import SpringColours
+from .colouring import SpringColours, TriangleColours
 from .position_step import PositionStep
 
 
 class Xpbd(PositionStep):
-    """Implicit Euler, each step solved by sweeps over the springs (see ``kernels/xpbd.py``).
+    """Implicit Euler, each step solved by sweeps over the springs (see ``kernels/xpbd.py``) and woven triangles.
 
     One spring is solved exactly by one sweep: it is implicit Euler to round-off, damping included. Networks converge
     to Newton's solution as ``iterations`` grows. Small steps of one sweep give more for the same work than large steps
@@ -34,6 +35,7 @@ class Xpbd(PositionStep):
     """
 
     name = "xpbd"
+    solved_forces = ("springs", "woven")
     order = 1
     reference = "Macklin, Müller, Chentanez, XPBD (2016), doi 10.1145/2994258.2994272"
     cost = "1 sweep over the springs, one launch per colour"
@@ -47,6 +49,10 @@ class Xpbd(PositionStep):
         self._law = wp.zeros(**whole, requires_grad=model.differentiable)
         self.law = self.colours.views(self._law)
         self.force = self.colours.views(wp.zeros(**whole, requires_grad=model.differentiable))
+        self.triangles = TriangleColours(model)
+        for numbers in self.triangles.numbers:
+            whole["shape"] = YARNS * len(numbers)
+            self.force.append(wp.zeros(**whole, requires_grad=model.differentiable))
         self.read_springs(model)
 
     def read_springs(self, model: Model) -> None:
@@ -68,20 +74,31 @@ class Xpbd(PositionStep):
     def memory(self) -> Sequence[Memory]:
         """The spring forces of the previous step, besides what they did."""
         ends = [colour.numpy()[:, 0] for colour in self.colours.ends]
+        ends += [np.repeat(corner, YARNS) for corner in self.triangles.corner]
         return [*super().memory(), *map(Memory, self.force, ends)]
 
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations
         for iteration in range(self.iterations):
-            for colour in range(len(self.law)):
+            for colour in range(len(self.force)):
                 self.solve_colour(model, state_in.particle_q, dt, iteration, colour)
         return self.displacement
 
     def solve_colour(self, model: Model, start: wp.array, dt: float, iteration: int, colour: int) -> None:
-        """The springs of one colour, in a step of dt [s] from positions ``start``; changes their forces and
-        ``displacement`` in place."""
-        ends = self.colours.ends[colour]
+        """The springs or triangles of one colour, in a step of dt [s] from positions ``start``; changes their forces
+        and ``displacement`` in place."""
         kept = self.warm_start if iteration == 0 else 1.0
+        if colour >= len(self.law):
+            triangles = self.triangles.numbers[colour - len(self.law)]
+            launch(
+                model.kernels.woven_xpbd.solve_triangles,
+                dim=len(triangles),
+                inputs=[triangles, model.woven, model.particle_inv_mass, start, dt, kept],
+                outputs=[self.displacement, self.force[colour]],
+                device=model.device,
+            )
+            return
+        ends = self.colours.ends[colour]
         launch(
             model.kernels.xpbd.solve_springs,
             dim=len(ends),

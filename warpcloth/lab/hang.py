@@ -26,7 +26,7 @@ def run(setup: Setup, progress: Progress) -> Result:
         setup.fabric, damping_time=damping_time(LENGTH), strain_limit=None, bending_hysteresis=0.0, bend_stiffness=0.0
     )
     lower, upper = (0.0, -0.5 * WIDTH), (LENGTH, 0.5 * WIDTH)
-    cloth = rectangle(lower, upper, LENGTH / setup.cells(CELLS), setup, fabric, springs="fitted")
+    cloth = rectangle(lower, upper, LENGTH / setup.cells(CELLS), setup, fabric, springs="woven")
     s = cloth.points[:, 0]
     pins = (Pin(np.flatnonzero(s < 1e-6).astype(np.int32)),)
     down = (STANDARD_GRAVITY, 0.0, 0.0)

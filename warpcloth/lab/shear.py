@@ -53,7 +53,7 @@ def sheared(setup: Setup, angle: float) -> tuple[float, bool]:
     """Shear stress [N/m] at a shear angle [°], and whether the specimen settled."""
     fabric = replace(setup.fabric, damping_time=damping_time(SIDE), bending_hysteresis=0.0, bend_stiffness=0.0)
     half = 0.5 * SIDE
-    cloth = rectangle((-half, -half), (half, half), SIDE / setup.cells(CELLS), setup, fabric, springs="fitted")
+    cloth = rectangle((-half, -half), (half, half), SIDE / setup.cells(CELLS), setup, fabric, springs="woven")
     border = np.flatnonzero(np.abs(cloth.points[:, :2]).max(axis=1) > half * (1.0 - 1e-6))
     energies, settled = [], True
     for share in (1.0 - SMALL, 1.0 + SMALL):

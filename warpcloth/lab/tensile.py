@@ -58,7 +58,7 @@ def pulled(setup: Setup, fabric: Fabric, extension: float) -> tuple[float, float
     cells = setup.cells(CELLS)
     fabric = replace(fabric, damping_time=damping_time(LENGTH), bending_hysteresis=0.0, bend_stiffness=0.0)
     lower, upper = (-0.5 * LENGTH, -0.5 * WIDTH), (0.5 * LENGTH, 0.5 * WIDTH)
-    cloth = rectangle(lower, upper, LENGTH / cells, setup, fabric, springs="fitted")
+    cloth = rectangle(lower, upper, LENGTH / cells, setup, fabric, springs="woven")
     x = cloth.points[:, 0]
     ends = np.abs(np.abs(x) - 0.5 * LENGTH) < 1e-6 * LENGTH
     stretch = np.array([1.0 + extension, 1.0, 1.0])

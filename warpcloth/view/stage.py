@@ -227,6 +227,8 @@ def _scale(model: Any, settings: Settings) -> None:
     for array, factor in (
         (model.spring_stiffness, settings.stiffness),
         (model.spring_damping, settings.stiffness * settings.damping),
+        (model.woven.stiffness, settings.stiffness),
+        (model.woven.law, (settings.damping, 1.0, 1.0)),  # damping time, strain limit, what it adds to the stiffness
         (model.particle_friction, settings.friction**2),  # a pair has the geometric mean
     ):
-        array.assign(factor * array.numpy())
+        array.assign(np.multiply(factor, array.numpy()))

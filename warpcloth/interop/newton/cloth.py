@@ -67,6 +67,11 @@ def _check_supported(cloth: Cloth) -> None:
         )
     if cloth.inflation is not None:
         raise InputError(f"Cloth '{cloth.name}' must not be inflated for Newton, which has no pressure in cloth.")
+    if len(cloth.woven) > 0:
+        raise InputError(
+            f"Cloth '{cloth.name}' must have springs between its vertices for Newton, got woven triangles; build it "
+            "with other springs."
+        )
     fabric, lost = cloth.fabric, []
     if fabric.bending_hysteresis > 0.0:
         lost.append("bending_hysteresis")
