@@ -9,6 +9,7 @@ import warp as wp
 
 from .. import diagnostics
 from ..errors import SimulationError
+from ..program import default_threads
 from ..scenes.built import by_cloth, make_model, make_simulation
 from ..simulation import Simulation
 from .prepared import Prepared
@@ -33,6 +34,7 @@ class Group:
         members: the samples.
         stop_at_rest: whether a sample may end before its last frame.
         seconds: most wall time a sample may take.
+        threads: cores of the CPU that are there for it; small groups use fewer.
         on_frame: called after each frame.
         on_end: called with each member whose folder is complete.
     """
@@ -43,10 +45,11 @@ class Group:
         *,
         stop_at_rest: bool,
         seconds: float | None,
+        threads: int,
         on_frame: Callable[[], None],
         on_end: Callable[[Member], None],
     ):
-        self.stop_at_rest, self.seconds = stop_at_rest, seconds
+        self.stop_at_rest, self.seconds, self.threads = stop_at_rest, seconds, threads
         self.on_frame, self.on_end = on_frame, on_end
         self.members = list(members)  # one for each world of the model
         self.working = set(range(len(self.members)))
@@ -74,7 +77,8 @@ class Group:
 
     def _start(self, members: Sequence[Member]) -> Simulation:
         self.scenes = [member.prepared.built for member in members]
-        return make_simulation(self.scenes, make_model(self.scenes), threads=1)  # processes fill the cores
+        model = make_model(self.scenes)
+        return make_simulation(self.scenes, model, threads=min(self.threads, default_threads(model.particle_count)))
 
     def _ends(self, world: int) -> bool:
         prepared, simulation = self.members[world].prepared, self.simulation

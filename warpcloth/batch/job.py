@@ -35,12 +35,18 @@ class Job:
         folder: where they go.
         on_frame: called after each frame, and between samples.
         on_outcome: called when a sample is in its place.
+        threads: cores of the CPU that are there for it.
     """
 
     def __init__(
-        self, sweep: Sweep, folder: BatchFolder, on_frame: Callable[[], None], on_outcome: Callable[[Outcome], None]
+        self,
+        sweep: Sweep,
+        folder: BatchFolder,
+        on_frame: Callable[[], None],
+        on_outcome: Callable[[Outcome], None],
+        threads: int = 1,
     ):
-        self.sweep, self.folder = sweep, folder
+        self.sweep, self.folder, self.threads = sweep, folder, threads
         self.on_frame, self.on_outcome = on_frame, on_outcome
 
     def run(self, indices: Sequence[int]) -> None:
@@ -115,6 +121,7 @@ class Job:
             members,
             stop_at_rest=table.stop_at_rest,
             seconds=table.limits.seconds,
+            threads=self.threads,
             on_frame=self.on_frame,
             on_end=end,
         )

@@ -8,9 +8,9 @@ import warp as wp
 
 from ..errors import WarpclothError
 from ..model import find_device
+from ..program import cores
 from ..scenes.built import BuiltScene, make_model, make_simulation
 from .folder import BatchFolder
-from .pool import processors
 from .prepared import prepare
 from .sweep import Sweep
 
@@ -74,7 +74,7 @@ def make_plan(
     room = GPU_PARTICLES if found.is_cuda else CPU_PARTICLES
     finished = len(folder.finished())
     left = sweep.count - finished
-    workers = workers or ((gpus or 1) if found.is_cuda else processors())
+    workers = workers or ((gpus or 1) if found.is_cuda else cores())
     worlds = worlds or max(1, min(MOST_WORLDS, room // max(1, particles)))
     seconds = _frame_seconds(sweep) * frames * left / workers if estimate else None
     size = _sample_bytes(sweep, particles, frames)

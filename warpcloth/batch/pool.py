@@ -1,13 +1,13 @@
 """Many workers on this machine: who does what, and what happens to the work of those that die."""
 
 import multiprocessing
-import os
 import time
 from collections.abc import Iterator
 from multiprocessing.connection import wait
 from typing import Any
 
 from ..errors import SimulationError
+from ..program import cores
 from .extra import needed
 from .folder import BatchFolder
 from .job import Outcome, fail
@@ -27,12 +27,13 @@ class Worker:
     Args:
         folder: of the batch.
         gpu: number of the GPU that it shall see; None for all there are.
+        threads: cores of the CPU that are there for it.
     """
 
-    def __init__(self, folder: BatchFolder, gpu: int | None):
+    def __init__(self, folder: BatchFolder, gpu: int | None, threads: int):
         context = multiprocessing.get_context("spawn")
         self.connection, other = context.Pipe()
-        self.process = context.Process(target=serve, args=(other, str(folder.path), gpu), daemon=True)
+        self.process = context.Process(target=serve, args=(other, str(folder.path), gpu, threads), daemon=True)
         self.process.start()
         other.close()
         self.gpu = gpu
@@ -109,7 +110,7 @@ class LocalPool:
         while len(self.workers) < min(self.wanted, busy + len(self.queue)):
             seen = {worker.gpu for worker in self.workers}
             free = [gpu for gpu in range(self.gpus) if gpu not in seen] or [len(self.workers) % max(1, self.gpus)]
-            self.workers.append(Worker(self.folder, free[0] if self.gpus else None))
+            self.workers.append(Worker(self.folder, free[0] if self.gpus else None, max(1, cores() // self.wanted)))
         for worker in self.workers:
             if worker.idle and self.queue:
                 job = self.queue.take()
@@ -173,8 +174,3 @@ class LocalPool:
         if worker.ended_for or self.deaths[left[0]] < PATIENCE:
             return worker.ended_for
         return f"The process that simulated it died {PATIENCE} times (exit code {worker.process.exitcode})."
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

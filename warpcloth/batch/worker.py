@@ -16,7 +16,7 @@ from .job import Job, Outcome
 ORPHANED = 1
 
 
-def serve(connection: Connection, folder: str, gpu: int | None = None) -> None:
+def serve(connection: Connection, folder: str, gpu: int | None = None, threads: int = 1) -> None:
     """Runs in the worker's process: takes lists of sample numbers until the connection closes.
 
     Sends ``("alive", None)`` after each frame, ``("outcome", Outcome)`` for each sample, ``("idle", None)`` when it is
@@ -27,7 +27,7 @@ def serve(connection: Connection, folder: str, gpu: int | None = None) -> None:
         os.environ["CUDA_VISIBLE_DEVICES"] = str(gpu)
     threading.Thread(target=_go_with_parent, daemon=True).start()
     try:
-        _serve(connection, BatchFolder(folder))
+        _serve(connection, BatchFolder(folder), threads)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         os._exit(ORPHANED)
     except WarpclothError as error:
@@ -39,7 +39,7 @@ def serve(connection: Connection, folder: str, gpu: int | None = None) -> None:
         connection.send(("broken", f"A worker has a defect ({type(error).__name__}: {error})."))
 
 
-def _serve(connection: Connection, folder: BatchFolder) -> None:
+def _serve(connection: Connection, folder: BatchFolder, threads: int) -> None:
     sweep = folder.sweep
     quiet_warp()
     ready_kernels(sweep.base["simulation"])
@@ -52,7 +52,7 @@ def _serve(connection: Connection, folder: BatchFolder) -> None:
 
     while True:
         connection.send(("idle", None))
-        Job(sweep, folder, on_frame, on_outcome).run(connection.recv())
+        Job(sweep, folder, on_frame, on_outcome, threads).run(connection.recv())
 
 
 def quiet_warp() -> None:
