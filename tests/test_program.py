@@ -157,11 +157,11 @@ def test_nobody_waits_for_a_thread_that_was_given_up(threads, monkeypatch):
     def interrupted():
         raise KeyboardInterrupt
 
-    first = broken._calls[0].launch
-    monkeypatch.setattr(broken._calls[0], "launch", interrupted)
+    first = broken._run.launch
+    monkeypatch.setattr(broken._run, "launch", interrupted)
     with pytest.raises(KeyboardInterrupt):
         broken.run()
-    monkeypatch.setattr(broken._calls[0], "launch", first)
+    monkeypatch.setattr(broken._run, "launch", first)
     fill(values)
     broken.run()
     assert (values.numpy() == 3).all()

@@ -1,11 +1,11 @@
 """Frames as programs for the CPU, run by one or several threads (``kernels/program.py``).
 
-Warp replays a graph on the CPU in one thread, and takes some 5 µs for each launch in it; a program takes 0.1 µs, and
-its launches run in ranges on all threads, which wait for each other between them (0.3 µs). What they compute does not
-depend on how many there are.
+Warp replays a graph on the CPU in one thread, and takes microseconds for each launch in it; a program takes 0.1 µs, and
+its launches run in ranges on all threads (0.3 µs more). What they compute does not depend on how many there are.
 """
 
 import ctypes
+import functools
 import os
 import sys
 import threading
@@ -49,109 +49,80 @@ class Recorder:
     """Writes a program word by word."""
 
     def __init__(self, kernels: KernelSet, threads: int):
-        self.threads = threads
-        self._kernels = kernels
-        self._codes = kernels.program
+        self._kernels, self._codes, self._threads = kernels, kernels.program, threads
         self._words: list[int] = []
         self._kept: list[Any] = []
         self._calls: dict[tuple, list[int]] = {}
-        self._before = ""  # who worked since the threads met last: "", "first" (the first thread only) or "all"
 
     def launch(self, kernel: wp.Kernel, dim: int, arguments: Sequence[Any]) -> None:
         """A launch on the CPU; the same one again shares its arguments."""
+        if dim <= 0:
+            return
         key = (kernel, dim, *((id(a) if hasattr(a, "__dict__") else a) for a in arguments))
         if key not in self._calls:
             self._calls[key] = self._prepared(kernel, dim, arguments)
             self._kept.append(arguments)
-        self._meet_before("all" if runs_in_ranges(kernel) else "first")
         self._words += self._calls[key]
 
     def copy(self, target: wp.array, source: wp.array, count: int) -> None:
         """So many elements of one contiguous array to another."""
         if not (target.is_contiguous and source.is_contiguous and target.strides[-1] == source.strides[-1]):
             raise ValueError("only contiguous arrays of one type are copied within frames")
-        self._meet_before("all")
         self._words += [self._codes.COPY, target.ptr or 0, source.ptr or 0, count * source.strides[-1]]
         self._kept += [target, source]
 
     def fill(self, target: wp.array, value: Any) -> None:
         """All elements of a contiguous array."""
         pattern = wp.full(1, value, dtype=target.dtype, device="cpu")
-        self._meet_before("first")
         self._words += [self._codes.FILL, target.ptr or 0, pattern.ptr, pattern.strides[0], target.size]
         self._kept += [target, pattern]
 
     def refit(self, tree: wp.Bvh | wp.Mesh) -> None:
-        """A call of Warp's own function, by the first thread."""
+        """A call of Warp's own function."""
         core = wp._src.context.runtime.core
         function = core.wp_mesh_refit_host if isinstance(tree, wp.Mesh) else core.wp_bvh_refit_host
-        self._meet_before("first")
         self._words += [self._codes.APPLY, _address(function), tree.id]
         self._kept.append(tree)
 
     def repeat_while(self, condition: wp.array, body: Callable[[], None]) -> None:
         """A loop with the condition at its head."""
-        self._meet()
         head = len(self._words)
         exit_word = self._jump_unless(condition)
         body()
-        self._meet()
         self._words += [self._codes.JUMP, head]
         self._words[exit_word] = len(self._words)
-        self._meet()
 
     def only_if(
         self, condition: wp.array, body: Callable[[], None], otherwise: Callable[[], None] | None = None
     ) -> None:
         """A branch."""
-        self._meet()
         else_word = self._jump_unless(condition)
         body()
-        self._meet()
         self._words += [self._codes.JUMP, 0]
         end_word = len(self._words) - 1
         self._words[else_word] = len(self._words)
-        self._meet()
         if otherwise is not None:
             otherwise()
-            self._meet()
         self._words[end_word] = len(self._words)
 
     def program(self) -> "Program":
         """All of it."""
         self._words.append(self._codes.END)
-        return Program(self._words, self._kept, self._kernels, self.threads)
+        return Program(self._words, self._kept, self._kernels, self._threads)
 
     def _jump_unless(self, condition: wp.array) -> int:
-        """A jump; which word of it says where to. Nobody may change the condition before all have read it."""
+        """A jump; which word of it says where to."""
         self._words += [self._codes.JUMP_UNLESS, condition.ptr, 0]
-        word = len(self._words) - 1
         self._kept.append(condition)
-        self._meet()
-        return word
-
-    def _meet(self) -> None:
-        if self.threads > 1:
-            self._words.append(self._codes.MEET)
-        self._before = ""
-
-    def _meet_before(self, who: str) -> None:
-        """Threads meet unless what comes and what went before are the first one's alone."""
-        if self._before == "all" or (self._before and self._before != who):
-            self._meet()
-        self._before = who
+        return len(self._words) - 1
 
     def _prepared(self, kernel: wp.Kernel, dim: int, arguments: Sequence[Any]) -> list[int]:
-        """A launch as words."""
-        words = [self._codes.CALL, 0]
+        """A launch as words: as many ranges as there are threads, or one."""
         ranged = runs_in_ranges(kernel)
-        for thread in range(self.threads):
-            first, last = 0, dim if thread == 0 else 0
-            if ranged:
-                first, last = (dim * k // self.threads for k in (thread, thread + 1))
-            if last <= first:
-                words += [0, 0]
-                continue
+        count = min(self._threads, dim) if ranged else 1
+        words = [self._codes.CALL, 0, count]
+        for k in range(count):
+            first, last = dim * k // count, dim * (k + 1) // count
             inputs = [first, *arguments] if ranged else list(arguments)
             call = wp.launch(kernel, dim=last - first, inputs=inputs, device="cpu", record_cmd=True)
             values = call.params[1:]
@@ -173,58 +144,40 @@ class Program:
     def __init__(self, words: Sequence[int], kept: Sequence[Any], kernels: KernelSet, threads: int):
         self._kept = kept
         self._words = wp.array(np.array(words, np.uint64), dtype=wp.uint64, device="cpu")
-        self._meeting = wp.zeros(2, dtype=wp.uint64, device="cpu")
-        self._state = self._meeting.numpy()  # shares its memory
-        self._calls = [
-            wp.launch(
-                kernels.program.run_thread,
-                dim=1,
-                inputs=[self._words, thread, threads, _address(_idle_function())],
-                outputs=[self._meeting],
-                device="cpu",
-                record_cmd=True,
-            )
-            for thread in range(threads)
-        ]
+        codes, idle = kernels.program, _address(_idle_function())
+        self._stop = codes.STOP
+        self._table = wp.zeros(codes.TABLE_SIZE, dtype=wp.uint64, device="cpu")
+        self._shared = self._table.numpy()  # the same memory
+        self._run, self._help = (
+            wp.launch(kernel, dim=1, inputs=inputs, outputs=[self._table], device="cpu", record_cmd=True)
+            for kernel, inputs in ((codes.run, [self._words, idle]), (codes.help_along, [idle]))
+        )
+        self.threads = threads
 
     def run(self) -> None:
-        """Once through the program; other programs that need more than one thread wait."""
-        if len(self._calls) == 1:
-            self._calls[0].launch()
-        else:
-            _Team.of(len(self._calls)).run([thread.launch for thread in self._calls], self._state)
-
-
-class _Team:
-    """Threads kept for the life of the process."""
-
-    _teams: dict[int, "_Team"] = {}  # noqa: RUF012 - shared on purpose
-    _lock = threading.Lock()
-
-    def __init__(self, threads: int):
-        self._pool = ThreadPoolExecutor(threads - 1, thread_name_prefix="warpcloth")
-        self._busy = threading.Lock()  # parts of two programs must not wait for each other's threads
-
-    @classmethod
-    def of(cls, threads: int) -> "_Team":
-        with cls._lock:
-            if threads not in cls._teams:
-                cls._teams[threads] = _Team(threads)
-            return cls._teams[threads]
-
-    def run(self, threads: Sequence[Callable[[], None]], meeting: np.ndarray) -> None:
-        with self._busy:
-            meeting[:] = 0
-            others = []
+        """Once through the program; other programs that have helpers wait."""
+        if self.threads == 1:
+            self._run.launch()
+            return
+        with _helpers_lock:
+            self._shared[:] = 0
+            helping = []
             try:
-                others += [self._pool.submit(thread) for thread in threads[1:]]
-                threads[0]()
-            except BaseException:  # an interruption before the first one ran, say: the others must not wait for it
-                meeting[1] = 1
-                raise
+                helping += [_helpers(self.threads - 1).submit(self._help.launch) for _ in range(self.threads - 1)]
+                self._run.launch()
             finally:
-                for other in others:
-                    other.result()
+                self._shared[self._stop] = 1  # if it was interrupted before it ran, say
+                for one in helping:
+                    one.result()
+
+
+_helpers_lock = threading.Lock()  # helpers of one program must not keep those of another waiting
+
+
+@functools.cache
+def _helpers(count: int) -> ThreadPoolExecutor:
+    """Threads kept for the life of the process."""
+    return ThreadPoolExecutor(count, thread_name_prefix="warpcloth")
 
 
 def _address(function: Any) -> int:
@@ -239,4 +192,4 @@ def _idle_function() -> Any:
 
 
 if hasattr(os, "register_at_fork"):  # threads do not survive a fork
-    os.register_at_fork(after_in_child=_Team._teams.clear)
+    os.register_at_fork(after_in_child=_helpers.cache_clear)
