@@ -2,8 +2,9 @@
 
 A program is a row of 64-bit words, made by ``warpcloth/program.py``: one of the codes below, then its operands, which
 are addresses and sizes. One thread goes through it. Where it comes to a launch that may run in ranges, it offers them:
-each range is taken by whoever is free, and it goes on when all are done. So nobody waits for a helper that the system
-keeps from running, unless that has just taken a range.
+each helper takes its own, always the same part of the particles, which its cache then holds; those that nobody has
+taken the thread runs itself, and it goes on when all are done. So it never waits for a helper that the system keeps
+from running, unless that has just taken its range.
 
 This is for the CPU only; graphs do it on GPUs. There the kernels do nothing.
 """
@@ -17,29 +18,31 @@ from .precision import FORWARD_ONLY
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 END, CALL, COPY, FILL, APPLY, JUMP, JUMP_UNLESS = range(7)
-TICKET, DONE, OFFER, STOP, TABLE_SIZE = range(5)  # what words of the table are for, on which threads meet
+LINE = 8  # words in a cache line: what one thread writes and others watch has one to itself
+NUMBER, OFFER, DONE, STOP, CLAIMS = range(0, 5 * LINE, LINE)  # what is on the table where threads meet
 SPINS = 200  # looks at the table before a thread offers its core to others
 
 _COMMON = f"""
 #if !defined(__CUDA_ARCH__)
+#if defined(__x86_64__)
+#define WARPCLOTH_PAUSE __builtin_ia32_pause()
+#else
+#define WARPCLOTH_PAUSE
+#endif
     typedef unsigned long long Word;
     typedef void (*Kernel)(void*, void*);
     typedef void (*Function)(Word);
     typedef void (*Idle)(void);
     Word* table = (Word*)table_out.data;
-    const Word most = 0xffff;
-    // Takes a range of the launch on offer and runs it; false if there is none left. A ticket is the number of the
-    // offer and that of its next range, so that nobody takes a range of an offer that is over.
-    auto take = [&]() -> bool {{
-        Word ticket = __atomic_load_n(table + {TICKET}, __ATOMIC_ACQUIRE);
-        const Word* offer = (const Word*)__atomic_load_n(table + {OFFER}, __ATOMIC_RELAXED);
-        if (!offer || (ticket & most) >= offer[2])
+    // Runs a range of the offer with that number, unless somebody else has taken it; the offer may then be over.
+    auto take = [&](Word number, Word range) -> bool {{
+        Word* claim = table + {CLAIMS} + {LINE} * range;
+        Word claimed = __atomic_load_n(claim, __ATOMIC_RELAXED);
+        if (claimed >= number
+            || !__atomic_compare_exchange_n(claim, &claimed, number, false, __ATOMIC_ACQ_REL, __ATOMIC_RELAXED))
             return false;
-        const Word* range = offer + 3 + 2 * (ticket & most);
-        if (!__atomic_compare_exchange_n(
-                table + {TICKET}, &ticket, ticket + 1, false, __ATOMIC_ACQ_REL, __ATOMIC_RELAXED))
-            return true;
-        ((Kernel)offer[1])((void*)range[0], (void*)range[1]);
+        const Word* call = (const Word*)__atomic_load_n(table + {OFFER}, __ATOMIC_RELAXED);
+        ((Kernel)call[1])((void*)call[3 + 2 * range], (void*)call[4 + 2 * range]);
         __atomic_fetch_add(table + {DONE}, 1, __ATOMIC_RELEASE);
         return true;
     }};
@@ -48,24 +51,28 @@ _COMMON = f"""
 _RUN = (
     _COMMON
     + f"""
-    Word offers = 0;
+    Word number = 0;
     const Word* at = (const Word*)program.data;
     for (;;) {{
         switch (at[0]) {{
-        case {CALL}:
-            if (at[2] == 1) {{
-                ((Kernel)at[1])((void*)at[3], (void*)at[4]);
-            }} else {{
+        case {CALL}: {{
+            const Word ranges = at[2];
+            if (ranges > 1) {{
                 __atomic_store_n(table + {DONE}, 0, __ATOMIC_RELAXED);
                 __atomic_store_n(table + {OFFER}, (Word)at, __ATOMIC_RELAXED);
-                __atomic_store_n(table + {TICKET}, ++offers << 16, __ATOMIC_RELEASE);
-                while (take()) {{}}
-                for (int spins = 0; __atomic_load_n(table + {DONE}, __ATOMIC_ACQUIRE) < at[2]; ++spins)
-                    if (spins >= {SPINS})
-                        ((Idle)idle)();
+                __atomic_store_n(table + {NUMBER}, ++number, __ATOMIC_RELEASE);
             }}
-            at += 3 + 2 * at[2];
+            ((Kernel)at[1])((void*)at[3], (void*)at[4]);
+            for (Word range = 1; range < ranges; ++range)
+                take(number, range);
+            for (int spins = 0; __atomic_load_n(table + {DONE}, __ATOMIC_ACQUIRE) < ranges - 1; ++spins) {{
+                WARPCLOTH_PAUSE;
+                if (spins >= {SPINS})
+                    ((Idle)idle)();
+            }}
+            at += 3 + 2 * ranges;
             break;
+        }}
         case {COPY}:
             memcpy((void*)at[1], (const void*)at[2], at[3]);
             at += 4;
@@ -97,10 +104,17 @@ _RUN = (
 _HELP = (
     _COMMON
     + f"""
+    Word seen = 0;
     for (int spins = 0; !__atomic_load_n(table + {STOP}, __ATOMIC_RELAXED); ++spins) {{
-        if (take())
-            spins = 0;
-        else if (spins >= {SPINS})
+        const Word number = __atomic_load_n(table + {NUMBER}, __ATOMIC_ACQUIRE);
+        if (number != seen) {{
+            seen = number;
+            const Word* call = (const Word*)__atomic_load_n(table + {OFFER}, __ATOMIC_RELAXED);
+            if (range < call[2] && take(number, range))
+                spins = 0;
+        }}
+        WARPCLOTH_PAUSE;
+        if (spins >= {SPINS})
             ((Idle)idle)();
     }}
 #endif
@@ -113,7 +127,7 @@ def _run(program: wp.array(dtype=wp.uint64), table_out: wp.array(dtype=wp.uint64
 
 
 @wp.func_native(_HELP)
-def _help(table_out: wp.array(dtype=wp.uint64), idle: wp.uint64): ...
+def _help(table_out: wp.array(dtype=wp.uint64), range: wp.uint64, idle: wp.uint64): ...
 
 
 @wp.kernel
@@ -134,9 +148,10 @@ def run(
 @wp.kernel
 def help_along(
     # Model
+    range: wp.uint64,
     idle: wp.uint64,
     # Out
     table_out: wp.array(dtype=wp.uint64),
 ):
-    """Takes ranges until the program has ended, or the table says ``STOP``; to be launched with dimension 1."""
-    _help(table_out, idle)
+    """Takes one range of each launch until the table says ``STOP``, as when the program has ended; dimension 1."""
+    _help(table_out, range, idle)

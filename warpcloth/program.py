@@ -146,24 +146,25 @@ class Program:
         self._words = wp.array(np.array(words, np.uint64), dtype=wp.uint64, device="cpu")
         codes, idle = kernels.program, _address(_idle_function())
         self._stop = codes.STOP
-        self._table = wp.zeros(codes.TABLE_SIZE, dtype=wp.uint64, device="cpu")
+        self._table = wp.zeros(codes.CLAIMS + codes.LINE * threads, dtype=wp.uint64, device="cpu")
         self._shared = self._table.numpy()  # the same memory
-        self._run, self._help = (
-            wp.launch(kernel, dim=1, inputs=inputs, outputs=[self._table], device="cpu", record_cmd=True)
-            for kernel, inputs in ((codes.run, [self._words, idle]), (codes.help_along, [idle]))
-        )
-        self.threads = threads
+
+        def call(kernel: wp.Kernel, *inputs: Any) -> wp.Launch:
+            return wp.launch(kernel, 1, [*inputs, idle], [self._table], device="cpu", record_cmd=True)
+
+        self._run = call(codes.run, self._words)
+        self._helpers = [call(codes.help_along, k) for k in range(1, threads)]
 
     def run(self) -> None:
         """Once through the program; other programs that have helpers wait."""
-        if self.threads == 1:
+        if not self._helpers:
             self._run.launch()
             return
-        with _helpers_lock:
+        with _pool_lock:
             self._shared[:] = 0
             helping = []
             try:
-                helping += [_helpers(self.threads - 1).submit(self._help.launch) for _ in range(self.threads - 1)]
+                helping += [_pool(len(self._helpers)).submit(helper.launch) for helper in self._helpers]
                 self._run.launch()
             finally:
                 self._shared[self._stop] = 1  # if it was interrupted before it ran, say
@@ -171,11 +172,11 @@ class Program:
                     one.result()
 
 
-_helpers_lock = threading.Lock()  # helpers of one program must not keep those of another waiting
+_pool_lock = threading.Lock()  # helpers of one program must not keep those of another waiting
 
 
 @functools.cache
-def _helpers(count: int) -> ThreadPoolExecutor:
+def _pool(count: int) -> ThreadPoolExecutor:
     """Threads kept for the life of the process."""
     return ThreadPoolExecutor(count, thread_name_prefix="warpcloth")
 
@@ -192,4 +193,4 @@ def _idle_function() -> Any:
 
 
 if hasattr(os, "register_at_fork"):  # threads do not survive a fork
-    os.register_at_fork(after_in_child=_helpers.cache_clear)
+    os.register_at_fork(after_in_child=_pool.cache_clear)
