@@ -197,6 +197,17 @@ def test_small_models_take_one_thread_and_large_ones_no_more_than_there_are(monk
     assert [program.default_threads(n) for n in (0, 100, 4000, 9000, 10**6)] == [1, 1, 2, 4, 4]
 
 
+def test_another_warp_replays_graphs(monkeypatch):
+    """Where recorded launches cannot be taken apart, frames are Warp's own graphs, to the same result."""
+    assert program.programs_work()
+    expected = played(crowd(1), 4)
+    monkeypatch.setattr("warpcloth.frames.programs_work", lambda: False)
+    simulation = crowd(2)
+    assert simulation.threads == 1
+    for ours, theirs in zip(played(simulation, 4), expected, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
 def test_threads_out_of_range_are_refused():
     for bad in (0, -1, 1.5, 10**6):
         with pytest.raises(InputError, match="Threads"):

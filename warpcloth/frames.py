@@ -7,7 +7,7 @@ import warp as wp
 
 from . import validate
 from .model import Model
-from .program import default_threads, record_program
+from .program import default_threads, programs_work, record_program
 
 MOST_THREADS = 256
 
@@ -34,7 +34,7 @@ class Frames:
         self.model = model
         # Warp records no mesh refit into a CPU graph (1.19), so such frames run directly there.
         self.replay = replay and not (foreign and model.device.is_cpu and model.shapes.deforming)
-        self._program = self.replay and not foreign and model.device.is_cpu
+        self._program = self.replay and not foreign and model.device.is_cpu and programs_work()
         wanted = default_threads(model.particle_count)
         if threads is not None:
             wanted = validate.integer(threads, "threads", minimum=1, maximum=MOST_THREADS)

@@ -8,23 +8,20 @@ there: each writes only what is its own, or counts with ``kernels/counting.py``.
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import warp as wp
 
-if TYPE_CHECKING:
-    from .program import Recorder
-
 
 class _Recording(threading.local):
-    recorder: "Recorder | None" = None
+    recorder: Any = None  # a warpcloth.program.Recorder, which is built on this module
 
 
 _recording = _Recording()
 
 
 @contextmanager
-def recording(recorder: "Recorder") -> Iterator[None]:
+def recording(recorder: Any) -> Iterator[None]:
     """What is asked for inside, by this thread, is recorded instead."""
     _recording.recorder = recorder
     try:

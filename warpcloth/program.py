@@ -32,6 +32,16 @@ def default_threads(particles: int) -> int:
     return max(1, min(cores(), particles // PARTICLES_PER_THREAD))
 
 
+@functools.cache
+def programs_work() -> bool:
+    """Whether this Warp's recorded launches can be taken apart as :class:`Recorder` does; frames are graphs if not."""
+    kernels = KernelSet("float32").program
+    nothing = wp.zeros(kernels.CLAIMS, dtype=wp.uint64, device="cpu")
+    call = wp.launch(kernels.run, 1, [nothing, 0], [nothing], device="cpu", record_cmd=True)
+    taken_apart = all(hasattr(call, name) for name in ("hooks", "params", "bounds"))
+    return taken_apart and hasattr(call.hooks, "forward") and len(call.params) == 4
+
+
 def record_program(frame: Callable[[], None], kernels: KernelSet, threads: int) -> "Program":
     """What ``frame`` asks for through :mod:`warpcloth.launching`, without doing it.
 
@@ -79,7 +89,8 @@ class Recorder:
 
     def refit(self, tree: wp.Bvh | wp.Mesh) -> None:
         """A call of Warp's own function."""
-        core = wp._src.context.runtime.core
+        runtime: Any = wp._src.context.runtime
+        core = runtime.core
         function = core.wp_mesh_refit_host if isinstance(tree, wp.Mesh) else core.wp_bvh_refit_host
         self._words += [self._codes.APPLY, _address(function), tree.id]
         self._kept.append(tree)
