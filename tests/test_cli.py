@@ -148,11 +148,20 @@ def test_a_failed_simulation_has_exit_code_3(folder, capfd):
     assert "'napkin' starts inside an obstacle" in capfd.readouterr().err
 
 
+def test_an_early_interruption_is_an_object_too(folder, capfd, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("warpcloth.scenes.simulate", interrupted)
+    assert run(["simulate", "napkin.toml", "--json"]) == 130
+    assert json.loads(capfd.readouterr().out) == {"error": "interrupted.", "exit_code": 130}
+
+
 def test_ctrl_c_in_a_terminal_leaves_a_valid_file_and_a_report(folder):
     command = [sys.executable, "-m", "warpcloth", "simulate", "napkin.toml", "--frames", "1000000", "--json"]
     process = subprocess.Popen([*command, "--device", "cpu"], cwd=folder, stdout=subprocess.PIPE, text=True)
     partial = folder / "napkin.partial.usdc"
-    while process.poll() is None and not (partial.exists() and partial.stat().st_size > 100_000):
+    while process.poll() is None and not (partial.exists() and partial.stat().st_size > 400_000):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     result = json.loads(process.communicate()[0])

@@ -52,7 +52,10 @@ def with_report(command: Callable[..., Report]) -> Callable[..., int]:
     @functools.wraps(command)
     def run(*arguments: Any, json: bool, debug: bool, **options: Any) -> int:
         with stdout_for_results() as stdout, quiet_warp(not debug), warnings_as_lines():
-            report = command(*arguments, **options)
+            try:
+                report = command(*arguments, **options)
+            except KeyboardInterrupt:  # of which typer itself would say nothing
+                raise typer.Abort from None
         print_report(report, stdout, as_json=json)
         return report.exit_code
 
