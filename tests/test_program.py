@@ -194,7 +194,7 @@ def test_only_contiguous_arrays_are_copied():
 
 def test_small_models_take_one_thread_and_large_ones_no_more_than_there_are(monkeypatch):
     monkeypatch.setattr(program, "cores", lambda: 4)
-    assert [program.default_threads(n) for n in (0, 100, 4000, 9000, 10**6)] == [1, 1, 2, 4, 4]
+    assert [program.default_threads(n) for n in (0, 100, 2000, 9000, 10**6)] == [1, 1, 2, 4, 4]
 
 
 def test_another_warp_replays_graphs(monkeypatch):

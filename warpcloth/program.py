@@ -19,7 +19,7 @@ import warp as wp
 from .kernels import KernelSet
 from .launching import recording, runs_in_ranges
 
-PARTICLES_PER_THREAD = 2000  # fewer do not pay for the waiting
+PARTICLES_PER_THREAD = 1000  # fewer do not pay for the waiting
 
 
 def cores() -> int:
