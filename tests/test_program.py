@@ -15,7 +15,7 @@ from warpcloth import program
 from warpcloth.errors import InputError
 from warpcloth.integrators import INTEGRATORS
 from warpcloth.launching import copy, fill, launch, only_if, recording, repeat_while
-from warpcloth.program import Recorder, record_program
+from warpcloth.program import ProgramWriter, record_program
 
 KERNELS = KernelSet("float32")
 THREADS = [1, 2, 3]
@@ -148,7 +148,7 @@ def test_loops_and_branches(threads):
 @pytest.mark.parametrize("threads", [2, 3])
 def test_nobody_waits_for_a_thread_that_was_given_up(threads, monkeypatch):
     values = numbers(np.zeros(10))
-    recorder = Recorder(KERNELS, threads)
+    recorder = ProgramWriter(KERNELS, threads)
     with recording(recorder):
         for _ in range(3):
             launch(mark, 10, [1], [values])
@@ -188,7 +188,7 @@ def test_simulations_run_beside_each_other():
 
 def test_only_contiguous_arrays_are_copied():
     strided = wp.zeros((4, 4), dtype=wp.int32, device="cpu")[:, 1]
-    with recording(Recorder(KERNELS, 1)), pytest.raises(ValueError, match="contiguous"):
+    with recording(ProgramWriter(KERNELS, 1)), pytest.raises(ValueError, match="contiguous"):
         copy(strided, numbers(np.zeros(4)))
 
 

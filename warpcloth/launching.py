@@ -14,7 +14,7 @@ import warp as wp
 
 
 class _Recording(threading.local):
-    recorder: Any = None  # a warpcloth.program.Recorder, which is built on this module
+    recorder: Any = None  # a warpcloth.program.ProgramWriter, which is built on this module
 
 
 _recording = _Recording()

@@ -34,7 +34,7 @@ def default_threads(particles: int) -> int:
 
 @functools.cache
 def programs_work() -> bool:
-    """Whether this Warp's recorded launches can be taken apart as :class:`Recorder` does; frames are graphs if not."""
+    """Whether this Warp's recorded launches can be taken apart as programs need them; if not, frames are graphs."""
     kernels = KernelSet("float32").program
     nothing = wp.zeros(kernels.CLAIMS, dtype=wp.uint64, device="cpu")
     call = wp.launch(kernels.run, 1, [nothing, 0], [nothing], device="cpu", record_cmd=True)
@@ -49,13 +49,13 @@ def record_program(frame: Callable[[], None], kernels: KernelSet, threads: int) 
         frame: a function; everything that it uses must live as long as the program, which keeps arrays, not objects.
         kernels: the model's. threads: how many will run it.
     """
-    recorder = Recorder(kernels, threads)
+    recorder = ProgramWriter(kernels, threads)
     with recording(recorder):
         frame()
     return recorder.program()
 
 
-class Recorder:
+class ProgramWriter:
     """Writes a program word by word."""
 
     def __init__(self, kernels: KernelSet, threads: int):
