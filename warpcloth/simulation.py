@@ -1,4 +1,4 @@
-"""The simulation loop: forces → integrator → contact, many substeps a frame, each frame a captured graph."""
+"""The simulation loop: forces → integrator → contact, many substeps a frame, each frame recorded once and replayed."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
