@@ -11,35 +11,24 @@ import sys
 
 import warp as wp
 
-from .contact_candidates import TrianglePairs
-from .counting import count_up
-from .precision import FORWARD_ONLY, vec3
+from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
-STEEP = wp.constant(wp.float64(0.3))  # least cosine between a normal and the fan's
+STEEP = wp.constant(0.3)  # least cosine between a normal and the fan's
 
 
 @wp.func
-def arm(points: wp.array(dtype=vec3), centre: int, i: int):
-    """From the fan's vertex to another one."""
-    a = points[centre]
-    b = points[i]
-    return wp.vec3d(
-        wp.float64(b[0]) - wp.float64(a[0]), wp.float64(b[1]) - wp.float64(a[1]), wp.float64(b[2]) - wp.float64(a[2])
-    )
+def leans(n: vec3, axis: vec3):
+    """Whether a normal is too far from the axis, which is of unit length."""
+    along = wp.dot(n, axis)
+    return not (along > real(0.0) and along * along > real(STEEP * STEEP) * wp.dot(n, n))
 
 
 @wp.func
-def leans(n: wp.vec3d, axis: wp.vec3d):
-    """Whether a normal is too far from the axis."""
-    return not wp.dot(n, axis) > STEEP * wp.length(n)
-
-
-@wp.func
-def passes(up: wp.vec3d, a: wp.vec3d, b: wp.vec3d):
+def passes(up: vec3, a: vec3, b: vec3):
     """1 if the way from spoke a to spoke b passes the direction that ``up`` is a quarter turn ahead of."""
-    if wp.dot(a, up) < wp.float64(0.0) and wp.dot(b, up) >= wp.float64(0.0):
+    if wp.dot(a, up) < real(0.0) and wp.dot(b, up) >= real(0.0):
         return 1
     return 0
 
@@ -55,6 +44,7 @@ def find_flat_fans(
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
     active: wp.array(dtype=wp.int32),
+    moves: int,
     # Out
     flat_out: wp.array(dtype=wp.int32),
 ):
@@ -63,7 +53,7 @@ def find_flat_fans(
     ``fan_turns`` is how often a flat fan passes its first spoke again: 1 for one that is closed, 0 for one that is
     open, −1 for one that is not a fan (two that share a vertex). A closed one keeps its turns on the way; an open one
     might open further, so its spokes may turn by less than a right angle, and must not pass the first spoke from
-    wherever either is at the start to wherever the other is at the end.
+    wherever either is at the start to wherever the other is at the end. Where nothing ``moves``, the end is the start.
     """
     i = thread_offset + wp.tid()
     turns = fan_turns[i]
@@ -77,46 +67,40 @@ def find_flat_fans(
     flat_out[i] = 0
     if turns < 0 or first == last:
         return
-    axis = wp.vec3d()
+    x = particle_from[i]
+    y = particle_to[i]
+    axis = vec3()
     for k in range(first, last):
-        a = arm(particle_from, i, fan_spokes[k][0]) + arm(particle_to, i, fan_spokes[k][0])
-        b = arm(particle_from, i, fan_spokes[k][1]) + arm(particle_to, i, fan_spokes[k][1])
+        spokes = fan_spokes[k]
+        a = particle_from[spokes[0]] - x
+        b = particle_from[spokes[1]] - x
+        if moves == 1:
+            a += particle_to[spokes[0]] - y
+            b += particle_to[spokes[1]] - y
         axis += wp.cross(a, b)
     axis = wp.normalize(axis)
-    up = wp.cross(axis, arm(particle_from, i, fan_spokes[first][0]))
-    up_later = wp.cross(axis, arm(particle_to, i, fan_spokes[first][0]))
+    up = wp.cross(axis, particle_from[fan_spokes[first][0]] - x)
+    up_later = wp.cross(axis, particle_to[fan_spokes[first][0]] - y)
     for k in range(first, last):
-        a = arm(particle_from, i, fan_spokes[k][0])
-        b = arm(particle_from, i, fan_spokes[k][1])
-        c = arm(particle_to, i, fan_spokes[k][0])
-        d = arm(particle_to, i, fan_spokes[k][1])
-        if leans(wp.cross(a, b), axis) or leans(wp.cross(c, d), axis) or leans(wp.cross(a, d) + wp.cross(c, b), axis):
+        spokes = fan_spokes[k]
+        a = particle_from[spokes[0]] - x
+        b = particle_from[spokes[1]] - x
+        if leans(wp.cross(a, b), axis):
             return
-        turns -= passes(up, a, b)
-        if fan_turns[i] == 0:
-            turns -= passes(up, c, d) + passes(up_later, a, b) + passes(up_later, c, d)
-            if wp.dot(a, c) < wp.dot(a, axis) * wp.dot(c, axis) or wp.dot(b, d) < wp.dot(b, axis) * wp.dot(d, axis):
+        if k > first or turns > 0:  # an open fan's first spoke is where it begins, not passed
+            turns -= passes(up, a, b)
+        if moves == 1:
+            c = particle_to[spokes[0]] - y
+            d = particle_to[spokes[1]] - y
+            if leans(wp.cross(c, d), axis) or leans(wp.cross(a, d) + wp.cross(c, b), axis):
                 return
+            if fan_turns[i] == 0:
+                if k > first:
+                    turns -= passes(up, c, d) + passes(up_later, a, b) + passes(up_later, c, d)
+                if (
+                    wp.dot(a, c) < wp.dot(a, axis) * wp.dot(c, axis)
+                    or wp.dot(b, d) < wp.dot(b, axis) * wp.dot(d, axis)
+                ):  # fmt: skip
+                    return
     if turns == 0:
         flat_out[i] = 1
-
-
-@wp.kernel
-def add_fan_pairs(
-    # Model
-    thread_offset: int,
-    shared: wp.array(dtype=wp.vec4i),
-    # State in
-    flat: wp.array(dtype=wp.int32),
-    # Out
-    pairs_out: TrianglePairs,
-):
-    """Adds the pairs of triangles with common vertices none of whose fans is flat.
-
-    ``shared`` holds two triangles, and their one or two common vertices (one is given twice).
-    """
-    s = shared[thread_offset + wp.tid()]
-    if flat[s[2]] == 0 and flat[s[3]] == 0:
-        n = count_up(pairs_out.count, 0, 1)
-        if n < pairs_out.pair.shape[0]:
-            pairs_out.pair[n] = wp.vec2i(s[0], s[1])

@@ -9,7 +9,8 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights
-from .contact_candidates import TrianglePairs, low_corner, padding, triangle
+from .contact_candidates import TrianglePairs, length_of
+from .contact_ways import Way, low_corner, may_meet, padding, triangle
 from .counting import count_up
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import Placement, to_world
@@ -204,6 +205,67 @@ def ways_apart(kind: int, i: wp.vec4i, start: wp.array(dtype=vec3), end: wp.arra
     return apart(two, one.low - pad, one.high + pad)
 
 
+@wp.func
+def reach_along(axis: vec3, t: wp.vec3i, origin: vec3, points: wp.array(dtype=vec3)):
+    """Least and greatest coordinate of a triangle along an axis."""
+    a = wp.dot(axis, points[t[0]] - origin)
+    b = wp.dot(axis, points[t[1]] - origin)
+    c = wp.dot(axis, points[t[2]] - origin)
+    return wp.min(wp.min(a, b), c), wp.max(wp.max(a, b), c)
+
+
+@wp.func
+def triangles_apart(
+    t: wp.vec3i, u: wp.vec3i, start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), margin: real, leeway: real
+):  # fmt: skip
+    """Whether two triangles stay further apart than ``margin`` along the line between their centres at the start.
+
+    Coordinates along it are linear in time, so the gap between them, a least of linear functions, is concave: what it is
+    at the start and at the end, it is at least in between. With a ``leeway`` below 1 by that share of their motion to
+    each other further, as that is only foreseen.
+    """
+    origin = start[t[0]]
+    axis = (start[u[0]] - origin) + (start[u[1]] - start[t[1]]) + (start[u[2]] - start[t[2]])
+    away = wp.length(axis)
+    unit = axis / wp.max(away, real(1.0e-30))
+    _low, high = reach_along(unit, t, origin, start)
+    low, _high = reach_along(unit, u, origin, start)
+    _end_low, end_high = reach_along(unit, t, origin, end)
+    end_low, _end_high = reach_along(unit, u, origin, end)
+    needed = margin + real(1.0e-5) * (wp.abs(low) + wp.abs(high) + wp.abs(end_low) + wp.abs(end_high) + away)
+    if leeway < real(1.0):
+        end_axis = (end[u[0]] - end[t[0]]) + (end[u[1]] - end[t[1]]) + (end[u[2]] - end[t[2]])
+        needed += leeway / real(3.0) * wp.length(end_axis - axis)
+    return wp.min(low - high, end_low - end_high) > needed
+
+
+@wp.func
+def add_features(
+    t: int, u: int, tri_indices: wp.array2d(dtype=wp.int32), tri_owned: wp.array(dtype=wp.int32),
+    body: wp.array(dtype=wp.int32), radius: wp.array(dtype=real), rest: wp.array(dtype=vec3),
+    start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), margin: wp.float64, cloth_particles: int,
+    leeway: wp.float64, pairs: Pairs,
+):  # fmt: skip
+    """The pairs of two triangles' features. One of the two looks at a vertex or edge: the one that owns it (bits 0–2
+    and 3–5 of ``tri_owned``)."""
+    mine = triangle(tri_indices, t)
+    other = triangle(tri_indices, u)
+    if triangles_apart(mine, other, start, end, real(margin), real(leeway)):
+        return
+    left = owned_pairs(tri_owned[t], tri_owned[u])
+    f = int(-1)
+    while left != 0:
+        f += 1
+        mine_too = left & 1
+        left = left >> 1
+        i = feature_pair(f, mine, other)
+        kind = wp.where(f < 6, 0, 1)
+        if mine_too == 0 or share_corner(kind, i):
+            continue
+        if not ways_apart(kind, i, start, end, wp.float32(margin)):
+            add_pair(kind, i, start, end, rest, radius, body, margin, cloth_particles, leeway, pairs)
+
+
 @wp.kernel
 def find_pairs(
     # Model
@@ -218,8 +280,7 @@ def find_pairs(
     candidates: TrianglePairs,
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
-    lower: wp.array(dtype=wp.vec3),
-    upper: wp.array(dtype=wp.vec3),
+    way: wp.array(dtype=Way),
     tri_active: wp.array(dtype=wp.int32),
     margin: wp.float64,
     cloth_particles: int,
@@ -229,32 +290,53 @@ def find_pairs(
 ):
     """Every point–triangle and edge–edge pair of the candidates that can come within ``margin``, once.
 
-    One triangle of the two must be active. A vertex or edge is looked at by the one triangle that owns it (bits 0–2 and
-    3–5 of ``tri_owned``). Boxes of the triangles' ways (``lower``, ``upper``) hold at least half the margin.
+    One triangle of the two must be active. The triangles' ways hold at least half the margin.
     """
-    for n in range(thread_offset + wp.tid(), wp.min(candidates.count[0], candidates.pair.shape[0]), stride):
+    for n in range(thread_offset + wp.tid(), length_of(candidates), stride):
         t = candidates.pair[n][0]
         u = candidates.pair[n][1]
-        if tri_active[t] == 0 and tri_active[u] == 0:
-            continue
-        low = wp.max(lower[t], lower[u])
-        high = wp.min(upper[t], upper[u])
-        if low[0] > high[0] or low[1] > high[1] or low[2] > high[2]:
-            continue
-        mine = triangle(tri_indices, t)
-        other = triangle(tri_indices, u)
-        left = owned_pairs(tri_owned[t], tri_owned[u])
-        f = int(-1)
-        while left != 0:
-            f += 1
-            mine_too = left & 1
-            left = left >> 1
-            i = feature_pair(f, mine, other)
-            kind = wp.where(f < 6, 0, 1)
-            if mine_too == 0 or share_corner(kind, i):
-                continue
-            if not ways_apart(kind, i, particle_from, particle_to, wp.float32(margin)):
-                add_pair(
-                    kind, i, particle_from, particle_to, particle_rest, particle_radius, particle_body, margin,
-                    cloth_particles, leeway, pairs_out,
+        if t >= 0 and (tri_active[t] | tri_active[u]) == 1:
+            if may_meet(way[t], way[u]):
+                add_features(
+                    t, u, tri_indices, tri_owned, particle_body, particle_radius, particle_rest, particle_from,
+                    particle_to, margin, cloth_particles, leeway, pairs_out,
                 )  # fmt: skip
+
+
+@wp.kernel
+def find_fan_pairs(
+    # Model
+    thread_offset: int,
+    tri_indices: wp.array2d(dtype=wp.int32),
+    tri_owned: wp.array(dtype=wp.int32),
+    particle_body: wp.array(dtype=wp.int32),
+    particle_radius: wp.array(dtype=real),
+    particle_rest: wp.array(dtype=vec3),
+    shared: wp.array(dtype=wp.vec4i),
+    shared_start: wp.array(dtype=wp.int32),
+    stride: int,
+    # State in
+    flat: wp.array(dtype=wp.int32),
+    particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3),
+    tri_active: wp.array(dtype=wp.int32),
+    margin: wp.float64,
+    cloth_particles: int,
+    leeway: wp.float64,
+    # Out
+    pairs_out: Pairs,
+):
+    """The same of triangles with common vertices none of whose fans is flat (``contact_fans.py``).
+
+    ``shared`` holds two triangles, and their one or two common vertices (one is given twice), sorted by the first of
+    these: vertex i has ``shared_start[i]`` to ``shared_start[i + 1]``.
+    """
+    for i in range(thread_offset + wp.tid(), shared_start.shape[0] - 1, stride):
+        if flat[i] == 0:
+            for n in range(shared_start[i], shared_start[i + 1]):
+                s = shared[n]
+                if flat[s[3]] == 0 and (tri_active[s[0]] | tri_active[s[1]]) == 1:
+                    add_features(
+                        s[0], s[1], tri_indices, tri_owned, particle_body, particle_radius, particle_rest,
+                        particle_from, particle_to, margin, cloth_particles, leeway, pairs_out,
+                    )  # fmt: skip

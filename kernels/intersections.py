@@ -4,7 +4,8 @@ import sys
 
 import warp as wp
 
-from .contact_candidates import has, padding, triangle
+from .contact_candidates import has
+from .contact_ways import padding, triangle
 from .exact_sign import side, turn
 from .precision import FORWARD_ONLY, vec3
 

@@ -4,7 +4,8 @@ import sys
 
 import warp as wp
 
-from .contact_candidates import has, triangle
+from .contact_candidates import has
+from .contact_ways import triangle
 from .intersections import point, segment_meets_triangle
 from .precision import FORWARD_ONLY, vec3
 

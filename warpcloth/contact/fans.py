@@ -15,7 +15,8 @@ class Fans:
         start, spokes: fan i has the entries ``start[i]:start[i + 1]`` of ``spokes``: of each of its triangles the other
             two corners, counter-clockwise; of an open fan the first triangle comes first. Shapes [n + 1], [3 m, 2].
         turns: CLOSED, OPEN or BROKEN, shape [n].
-        shared: two triangles and their common vertices, one vertex given twice if there is but one; shape [k, 4].
+        shared: two triangles and their common vertices, one vertex given twice if there is but one, sorted by the
+            first vertex; shape [k, 4].
     """
 
     start: np.ndarray
@@ -77,4 +78,5 @@ def _shared(start: np.ndarray, owner: np.ndarray) -> np.ndarray:
     new = np.any(np.diff(joined[:, :2], axis=0, prepend=-1), axis=1)
     first = np.flatnonzero(new)
     last = np.append(first[1:], len(joined)) - 1 if len(first) else first
-    return np.column_stack([joined[first], joined[last, 2]]).astype(np.int32)
+    pairs = np.column_stack([joined[first], joined[last, 2]]).astype(np.int32)
+    return pairs[np.argsort(pairs[:, 2], kind="stable")]

@@ -1,17 +1,16 @@
 """Finds the pairs that may meet on a way, from what is known of earlier ways."""
 
-from typing import Any
-
 import numpy as np
 import warp as wp
 
-from ..launching import copy, fill, launch, only_if, refit
+from ..launching import fill, launch, only_if, refit
 from ..model import Model
 from ..surface import Surface, triangle_worlds
 from .fans import fans_of
 from .pair_list import PairList, loop_width
 
 ROOM = 0.05  # of an edge's length: how far a triangle may stray before its neighbours are looked up again
+AHEAD = 0.25  # of an edge's length: how far ahead of a slow triangle they are looked up
 
 
 class PairFinder:
@@ -25,27 +24,25 @@ class PairFinder:
     def __init__(self, model: Model, surface: Surface):
         self.model, self.surface, self.kernels = model, surface, model.kernels
         tris, n, device = surface.tri_count, model.particle_count, model.device
-        self.lower, self.upper, self.known_lower, self.known_upper = (
-            wp.zeros(tris, dtype=wp.vec3, device=device) for _ in range(4)
-        )
+        ways = self.kernels.contact_ways
+        self.way, self.known_way = (wp.zeros(tris, dtype=ways.Way, device=device) for _ in range(2))
+        self.known_lower, self.known_upper = (wp.zeros(tris, dtype=wp.vec3, device=device) for _ in range(2))
         self.moved, self.tri_active = (wp.zeros(tris, dtype=wp.int32, device=device) for _ in range(2))
-        self.any_moved, self.peak = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(2))
+        self.any_moved, self.anew, self.peak = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(3))
         self.everything = wp.ones(surface.particle_count, dtype=wp.int32, device=device)
-        self.room, self.width = ROOM * surface.edge, loop_width(model.device)
-        self.forget()
-        self._bound(surface.rest, surface.rest, self.everything, 0.0)
-        self.bvh = wp.Bvh(
-            self.known_lower, self.known_upper, groups=triangle_worlds(surface.tri_indices, surface.world)
-        )
+        self.drift = wp.zeros(model.world_count, dtype=wp.vec3d, device=device)
+        self.room, self.ahead = ROOM * surface.edge, AHEAD * surface.edge
+        self.width = loop_width(device)
         self._allocate(4 * tris)
+        self._grow_tree()
         self.relative = surface.positions()
         sizes = np.bincount(model.particle_world.numpy(), minlength=model.world_count)
         self.share = model.array(1.0 / np.maximum(sizes, 1), wp.float64)
-        self.drift = wp.zeros(model.world_count, dtype=wp.vec3d, device=device)
         fans = fans_of(model.tri_indices.numpy(), n)
         self.fan_start, self.fan_turns = model.array(fans.start, wp.int32), model.array(fans.turns, wp.int32)
         self.fan_spokes = model.array(fans.spokes, wp.vec2i)
         self.shared = model.array(fans.shared, wp.vec4i)
+        self.shared_start = model.array(np.searchsorted(fans.shared[:, 2], np.arange(n + 1)), wp.int32)
         self.flat = wp.zeros(n, dtype=wp.int32, device=device)
 
     def find(
@@ -65,38 +62,42 @@ class PairFinder:
         """
         surface = self.surface
         end = self._without_drift(end)
-        self._bound(start, end, active, 0.5 * margin)
-        only_if(self.any_moved, self._renew_known, self._reuse_known)
-        self._launch(self.kernels.contact_fans.add_fan_pairs, len(self.shared), [self.shared, flat], [self.found])
+        self._bound(start, end, active, 0.5 * margin, leeway if leeway < 1.0 else 0.0)
+        only_if(self.any_moved, self._renew_known)
         fill(target.pairs.count)
+        mesh = [surface.tri_indices, surface.tri_owned, surface.body, surface.radius, surface.rest]
+        others = [self.tri_active, margin, surface.cloth_particles, leeway]
         self._launch(
             self.kernels.contact_pairs.find_pairs, self.width,
-            [
-                surface.tri_indices, surface.tri_owned, surface.body, surface.radius, surface.rest, self.width,
-                self.found, start, end, self.lower, self.upper, self.tri_active, margin, surface.cloth_particles,
-                leeway,
-            ],
+            [*mesh, self.width, self.known, start, end, self.way, *others],
             [target.pairs],
         )  # fmt: skip
-        for pairs in (self.found, target.pairs):
-            self._launch(self.kernels.contact_candidates.note_peak, 1, [pairs.count], [pairs.peak])
+        self._launch(
+            self.kernels.contact_pairs.find_fan_pairs, self.width,
+            [*mesh, self.shared, self.shared_start, self.width, flat, start, end, *others],
+            [target.pairs],
+        )  # fmt: skip
+        self._launch(self.kernels.contact_candidates.note_peak, 1, [target.pairs.count], [target.pairs.peak])
 
     def measure_drift(self, start: wp.array, end: wp.array) -> None:
         """Notes the mean motion of each world; cloth that falls as a whole does not sweep what it falls through."""
         fill(self.drift)
         surface = self.surface
         inputs = [surface.world, self.share, start, end]
-        self._launch(self.kernels.contact_candidates.sum_drift, surface.cloth_particles, inputs, [self.drift])
+        self._launch(self.kernels.contact_ways.sum_drift, surface.cloth_particles, inputs, [self.drift])
 
     def _without_drift(self, end: wp.array) -> wp.array:
         surface = self.surface
         inputs = [surface.world, end, self.drift]
-        self._launch(self.kernels.contact_candidates.remove_drift, surface.particle_count, inputs, [self.relative])
+        self._launch(self.kernels.contact_ways.remove_drift, surface.particle_count, inputs, [self.relative])
         return self.relative
 
     def look_at_fans(self, start: wp.array, end: wp.array, active: wp.array) -> None:
-        """Notes in ``flat`` which fans with an active particle are flat all the way between two sets of positions."""
-        inputs = [self.fan_start, self.fan_spokes, self.fan_turns, start, end, active]
+        """Notes in ``flat`` which fans with an active particle are flat all the way between two sets of positions.
+
+        One set given twice is looked at once.
+        """
+        inputs = [self.fan_start, self.fan_spokes, self.fan_turns, start, end, active, int(end is not start)]
         self._launch(self.kernels.contact_fans.find_flat_fans, self.model.particle_count, inputs, [self.flat])
 
     def grow(self) -> bool:
@@ -110,52 +111,63 @@ class PairFinder:
 
     def forget(self) -> None:
         """Nothing is known of any triangle any more."""
-        fill(self.known_lower, wp.vec3(1.0e30))
-        fill(self.known_upper, wp.vec3(-1.0e30))
+        self._launch(self.kernels.contact_ways.forget_ways, self.surface.tri_count, [], [self.known_way])
+        fill(self.known.count)
+        fill(self.known.holes)
 
     def _allocate(self, capacity: int) -> None:
+        def numbers(length: int, dtype: type = wp.int32) -> wp.array:
+            return wp.zeros(length, dtype=dtype, device=self.model.device)
+
         self.capacity = capacity
-        self.known, self.found = self._triangle_pairs(), self._triangle_pairs()
+        self.known = self.kernels.contact_candidates.TrianglePairs()
+        self.known.pair, self.known.hole = numbers(capacity, wp.vec2i), numbers(capacity)
+        self.known.count, self.known.holes, self.known.added = numbers(1), numbers(1), numbers(1)
+        self.known.peak = self.peak
         self.forget()
 
-    def _triangle_pairs(self) -> Any:
-        pairs = self.kernels.contact_candidates.TrianglePairs()
-        pairs.count = wp.zeros(1, dtype=wp.int32, device=self.model.device)
-        pairs.peak = self.peak
-        pairs.pair = wp.zeros(self.capacity, dtype=wp.vec2i, device=self.model.device)
-        return pairs
+    def _grow_tree(self) -> None:
+        """A tree of the triangles at rest, with a part for each world: worlds are all in one place."""
+        surface, worlds = self.surface, self.model.world_count
+        self._bound(surface.rest, surface.rest, self.everything, 0.0)
+        groups = triangle_worlds(surface.tri_indices, surface.world)
+        self._tree = wp.Bvh(self.known_lower, self.known_upper, groups=groups)
+        self._world_root = wp.zeros(worlds, dtype=wp.int32, device=self.model.device)
+        self._launch(self.kernels.contact_candidates.find_roots, worlds, [self._tree.id], [self._world_root])
+        self.forget()
 
-    def _bound(self, start: wp.array, end: wp.array, active: wp.array, margin: float) -> None:
+    def _bound(
+        self, start: wp.array, end: wp.array, active: wp.array, margin: float, stray: float = 0.0
+    ) -> None:  # fmt: skip
         fill(self.any_moved)
+        surface = self.surface
         self._launch(
-            self.kernels.contact_candidates.swept_bounds, self.surface.tri_count,
-            [self.surface.tri_indices, start, end, active, margin, self.room],
+            self.kernels.contact_ways.swept_bounds, surface.tri_count,
             [
-                self.lower, self.upper, self.known_lower, self.known_upper, self.moved, self.any_moved,
+                surface.tri_indices, surface.world, start, end, self.drift, active, margin, stray, self.room,
+                self.ahead,
+            ],
+            [
+                self.way, self.known_way, self.known_lower, self.known_upper, self.moved, self.any_moved,
                 self.tri_active,
             ],
         )  # fmt: skip
 
-    def _reuse_known(self) -> None:
-        """``found`` begins with a copy of ``known`` since that was last renewed."""
-        copy(self.found.count, self.known.count)
-
     def _renew_known(self) -> None:
-        """Looks up the pairs of triangles that have left their known boxes; ``found`` is a copy of ``known`` then."""
-        surface, kernels, found = self.surface, self.kernels.contact_candidates, self.found
-        fill(found.count)
-        self._launch(kernels.keep_pairs, self.width, [self.width, self.known, self.moved], [found])
-        refit(self.bvh)
+        """Looks up the pairs of triangles that have left their known ways."""
+        surface, kernels, known = self.surface, self.kernels.contact_candidates, self.known
+        self._launch(kernels.drop_pairs, self.width, [self.width, self.moved], [known])
+        self._launch(kernels.begin_adding, 1, [], [known, self.anew])
+        refit(self._tree)
         self._launch(
             kernels.find_triangle_pairs, surface.tri_count,
             [
-                surface.tri_indices, surface.world, surface.cloth_tris, self.moved, self.known_lower,
-                self.known_upper, self.bvh.id,
+                surface.tri_indices, surface.world, self._world_root, surface.cloth_tris, self.moved, self.anew,
+                self.known_way, self.known_lower, self.known_upper, self._tree.id,
             ],
-            [found],
+            [known],
         )  # fmt: skip
-        copy(self.known.pair, found.pair)
-        copy(self.known.count, found.count)
+        self._launch(kernels.end_adding, 1, [], [known])
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
         launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)

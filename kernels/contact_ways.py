@@ -1,0 +1,229 @@
+"""Ways of triangles: boxes that move from where a triangle starts to where it ends.
+
+All move at the same time. Boxes that sweep through one and the same place one after the other do not meet, and cloth
+that moves as a whole is as far from itself on its way as it was before.
+"""
+
+import sys
+
+import warp as wp
+
+from .precision import FORWARD_ONLY, real, vec3
+
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
+
+MOST_AHEAD = wp.constant(8.0)  # ways that a known box may reach ahead
+
+
+@wp.struct
+class Way:
+    """The box of what moves at the start of its way and at the end [m]; in between it changes evenly."""
+
+    low: wp.vec3
+    high: wp.vec3
+    end_low: wp.vec3
+    end_high: wp.vec3
+
+
+@wp.func
+def low_corner(x: vec3):
+    return wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
+
+
+@wp.func
+def padding(margin: float, low: wp.vec3, high: wp.vec3):
+    """``margin`` [m] and the rounding of float32."""
+    return wp.vec3(margin) + 1.0e-6 * wp.max(wp.abs(low), wp.abs(high))
+
+
+@wp.func
+def grown(way: Way, by: wp.vec3):
+    out = Way()
+    out.low = way.low - by
+    out.high = way.high + by
+    out.end_low = way.end_low - by
+    out.end_high = way.end_high + by
+    return out
+
+
+@wp.func
+def outside(low: wp.vec3, high: wp.vec3, around_low: wp.vec3, around_high: wp.vec3):
+    """Whether a box is not within another one; it is not where it is no number."""
+    within = wp.min(low - around_low, around_high - high)
+    return not (within[0] >= 0.0 and within[1] >= 0.0 and within[2] >= 0.0)
+
+
+@wp.func
+def while_closed(gap: float, end_gap: float, span: wp.vec2):
+    """The part of a span of time in which a gap that changes evenly from 0 to 1 is not open."""
+    out = span
+    if gap > 0.0:
+        if end_gap > 0.0:
+            out = wp.vec2(1.0, 0.0)
+        else:
+            out[0] = wp.max(span[0], gap / (gap - end_gap))
+    elif end_gap > 0.0:
+        out[1] = wp.min(span[1], gap / (gap - end_gap))
+    return out
+
+
+@wp.func
+def may_meet(a: Way, b: Way):
+    """Whether two boxes overlap at any time of their ways."""
+    span = wp.vec2(0.0, 1.0)
+    for k in range(3):
+        span = while_closed(a.low[k] - b.high[k], a.end_low[k] - b.end_high[k], span)
+        span = while_closed(b.low[k] - a.high[k], b.end_low[k] - a.end_high[k], span)
+        if span[0] > span[1]:
+            return False
+    return True
+
+
+@wp.func
+def triangle(tri_indices: wp.array2d(dtype=wp.int32), t: int):
+    return wp.vec3i(tri_indices[t, 0], tri_indices[t, 1], tri_indices[t, 2])
+
+
+@wp.kernel
+def sum_drift(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    share: wp.array(dtype=wp.float64),
+    # State in
+    particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3),
+    # Out
+    drift_out: wp.array(dtype=wp.vec3d),
+):
+    """Adds to each world's mean motion [m] that of its particles; ``share`` is one over their number."""
+    i = wp.tid()
+    d = particle_to[i] - particle_from[i]
+    w = particle_world[i]
+    wp.atomic_add(drift_out, w, share[w] * wp.vec3d(wp.float64(d[0]), wp.float64(d[1]), wp.float64(d[2])))
+
+
+@wp.kernel
+def remove_drift(
+    # Model
+    thread_offset: int,
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    particle_to: wp.array(dtype=vec3),
+    drift: wp.array(dtype=wp.vec3d),
+    # Out
+    particle_out: wp.array(dtype=vec3),
+):
+    """Ends of ways as seen by who moves with the mean of the world: cloth that falls does not sweep."""
+    i = thread_offset + wp.tid()
+    d = drift[particle_world[i]]
+    particle_out[i] = particle_to[i] - vec3(real(d[0]), real(d[1]), real(d[2]))
+
+
+@wp.func
+def way_of(corners: wp.vec3i, particle_from: wp.array(dtype=vec3), particle_to: wp.array(dtype=vec3)):
+    """The way of a triangle."""
+    way = Way()
+    a = low_corner(particle_from[corners[0]])
+    b = low_corner(particle_from[corners[1]])
+    c = low_corner(particle_from[corners[2]])
+    way.low = wp.min(wp.min(a, b), c)
+    way.high = wp.max(wp.max(a, b), c)
+    a = low_corner(particle_to[corners[0]])
+    b = low_corner(particle_to[corners[1]])
+    c = low_corner(particle_to[corners[2]])
+    way.end_low = wp.min(wp.min(a, b), c)
+    way.end_high = wp.max(wp.max(a, b), c)
+    return way
+
+
+@wp.func
+def reached(way: Way, drift: wp.vec3, ahead: float):
+    """A box that holds this way, and those that follow if all goes on like this, as far as ``ahead`` [m] allows.
+
+    The way itself if one more would be further, or what moves with the mean of the world comes further.
+    """
+    step = 0.5 * (way.end_low - way.low + way.end_high - way.high) + drift  # of its middle, as it is
+    far = wp.length(step)
+    out = way
+    if far <= ahead and wp.length(drift) <= ahead:
+        onward = wp.min(MOST_AHEAD, ahead / wp.max(far, 1.0e-9)) * step
+        low = wp.min(way.low, way.end_low)
+        high = wp.max(way.high, way.end_high)
+        out.low = wp.min(low, low + onward)
+        out.high = wp.max(high, high + onward)
+        out.end_low = out.low
+        out.end_high = out.high
+    return out
+
+
+@wp.kernel
+def swept_bounds(
+    # Model
+    thread_offset: int,
+    tri_indices: wp.array2d(dtype=wp.int32),
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3),
+    drift: wp.array(dtype=wp.vec3d),
+    active: wp.array(dtype=wp.int32),
+    margin: float,
+    stray: float,
+    room: float,
+    ahead: float,
+    # Out
+    way_out: wp.array(dtype=Way),
+    known_out: wp.array(dtype=Way),
+    known_lower_out: wp.array(dtype=wp.vec3),
+    known_upper_out: wp.array(dtype=wp.vec3),
+    moved_out: wp.array(dtype=wp.int32),
+    any_moved_out: wp.array(dtype=wp.int32),
+    tri_active_out: wp.array(dtype=wp.int32),
+):
+    """The way of every triangle from one set of positions to another, grown by ``margin`` [m]; its end besides by the
+    share ``stray`` of its motion.
+
+    Where the known way does not hold it, that becomes the same with ``room`` [m] more, and with what it will reach
+    ahead; ``moved`` is 1 there, else 0. The box of the known way is ``known_lower`` to ``known_upper``. A triangle is
+    active if one of its corners is; of others the way is the same as it was.
+    """
+    t = thread_offset + wp.tid()
+    corners = triangle(tri_indices, t)
+    looked_at = active[corners[0]] | active[corners[1]] | active[corners[2]]
+    tri_active_out[t] = looked_at
+    moved_out[t] = 0
+    if looked_at == 0:
+        return
+    bare = way_of(corners, particle_from, particle_to)
+    low = wp.min(bare.low, bare.end_low)
+    high = wp.max(bare.high, bare.end_high)
+    pad = padding(margin, low, high)
+    way = grown(bare, pad)
+    off = wp.vec3(0.5 * stray * wp.length(bare.end_low - bare.low + bare.end_high - bare.high))
+    way.end_low -= off
+    way.end_high += off
+    way_out[t] = way
+    known = known_out[t]
+    if outside(way.low, way.high, known.low, known.high) or outside(
+        way.end_low, way.end_high, known.end_low, known.end_high
+    ):
+        d = drift[particle_world[corners[0]]]
+        known = grown(reached(way, wp.vec3(float(d[0]), float(d[1]), float(d[2])), ahead), wp.vec3(room))
+        known_out[t] = known
+        known_lower_out[t] = wp.min(known.low, known.end_low)
+        known_upper_out[t] = wp.max(known.high, known.end_high)
+        moved_out[t] = 1
+        any_moved_out[0] = 1
+
+
+@wp.kernel
+def forget_ways(
+    # Model
+    thread_offset: int,
+    # Out
+    known_out: wp.array(dtype=Way),
+):
+    """Known ways that hold nothing."""
+    t = thread_offset + wp.tid()
+    known_out[t].low = wp.vec3(1.0e30)
+    known_out[t].high = wp.vec3(-1.0e30)
