@@ -11,6 +11,7 @@ import warp as wp
 
 from .contact_ways import Way, may_meet, triangle
 from .counting import count_up
+from .direct import int_at, pair_at
 from .precision import FORWARD_ONLY
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -52,9 +53,12 @@ def common_vertex(t: wp.vec3i, u: wp.vec3i):
 
 
 @wp.func
-def outdated(pair: wp.vec2i, moved: wp.array(dtype=wp.int32)):
-    """Whether an entry has a pair of which a triangle has moved."""
-    return pair[0] >= 0 and (moved[pair[0]] == 1 or moved[pair[1]] == 1)
+def outdated(pairs: TrianglePairs, k: int, moved: wp.array(dtype=wp.int32)):
+    """Whether entry k has a pair of which a triangle has moved."""
+    pair = pair_at(pairs.pair, k)
+    if pair[0] < 0:
+        return False
+    return (int_at(moved, pair[0]) | int_at(moved, pair[1])) == 1
 
 
 @wp.kernel
@@ -74,12 +78,12 @@ def drop_pairs(
         last = wp.min(first + CHUNK, length)
         dropped = int(0)
         for k in range(first, last):
-            if outdated(pairs_out.pair[k], moved):
+            if outdated(pairs_out, k, moved):
                 dropped += 1
         if dropped > 0:
             n = count_up(pairs_out.holes, 0, dropped)
             for k in range(first, last):
-                if outdated(pairs_out.pair[k], moved):
+                if outdated(pairs_out, k, moved):
                     pairs_out.pair[k] = wp.vec2i(-1, -1)
                     pairs_out.hole[n] = k
                     n += 1
@@ -143,14 +147,15 @@ def find_triangle_pairs(
     while wp.bvh_query_next(query, u):
         if u == t or (t >= cloth_tris and u >= cloth_tris) or (u < t and (moved[u] | all) == 1):
             continue
-        if not common_vertex(mine, triangle(tri_indices, u)):
-            if may_meet(way, known[u]):
-                n = count_up(pairs_out.added, 0, 1)
-                place = pairs_out.count[0] + n - pairs_out.holes[0]
-                if n < pairs_out.holes[0]:
-                    place = pairs_out.hole[pairs_out.holes[0] - 1 - n]
-                if place < pairs_out.pair.shape[0]:
-                    pairs_out.pair[place] = wp.vec2i(wp.min(t, u), wp.max(t, u))  # an order that hides what moved
+        if common_vertex(mine, triangle(tri_indices, u)):
+            continue
+        if may_meet(way, known[u]):
+            n = count_up(pairs_out.added, 0, 1)
+            place = pairs_out.count[0] + n - pairs_out.holes[0]
+            if n < pairs_out.holes[0]:
+                place = pairs_out.hole[pairs_out.holes[0] - 1 - n]
+            if place < pairs_out.pair.shape[0]:
+                pairs_out.pair[place] = wp.vec2i(wp.min(t, u), wp.max(t, u))  # an order that does not tell what moved
 
 
 @wp.kernel

@@ -10,8 +10,10 @@ import warp as wp
 
 from .closest import combine, pair_weights
 from .contact_candidates import TrianglePairs, length_of
-from .contact_ways import Way, low_corner, may_meet, padding, triangle
+from .contact_culling import triangles_apart, ways_apart
+from .contact_ways import Way, may_meet, triangle
 from .counting import count_up
+from .direct import int_at, pair_at
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import Placement, to_world
 
@@ -70,41 +72,6 @@ def foresee(
     """Where particles would be after dt [s] at their velocities."""
     i = thread_offset + wp.tid()
     particle_out[i] = particle_out[i] + dt * particle_qd[i]
-
-
-@wp.struct
-class Box:
-    """An axis-aligned box [m]."""
-
-    low: wp.vec3
-    high: wp.vec3
-
-
-@wp.func
-def swept_box(i: int, start: wp.array(dtype=vec3), end: wp.array(dtype=vec3)):
-    """Box of a particle's way."""
-    a = low_corner(start[i])
-    b = low_corner(end[i])
-    box = Box()
-    box.low = wp.min(a, b)
-    box.high = wp.max(a, b)
-    return box
-
-
-@wp.func
-def joined(a: Box, b: Box):
-    box = Box()
-    box.low = wp.min(a.low, b.low)
-    box.high = wp.max(a.high, b.high)
-    return box
-
-
-@wp.func
-def apart(a: Box, low: wp.vec3, high: wp.vec3):
-    """Whether the box a does not reach the box from ``low`` to ``high``."""
-    least = wp.max(a.low, low)
-    most = wp.min(a.high, high)
-    return least[0] > most[0] or least[1] > most[1] or least[2] > most[2]
 
 
 @wp.func
@@ -193,53 +160,6 @@ def share_corner(kind: int, i: wp.vec4i):
 
 
 @wp.func
-def ways_apart(kind: int, i: wp.vec4i, start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), margin: wp.float32):
-    """Whether the boxes of the two features' ways stay further apart than ``margin`` along some axis."""
-    one = swept_box(i[0], start, end)
-    two = joined(swept_box(i[2], start, end), swept_box(i[3], start, end))
-    if kind == 0:
-        two = joined(two, swept_box(i[1], start, end))
-    else:
-        one = joined(one, swept_box(i[1], start, end))
-    pad = padding(margin, one.low, one.high)
-    return apart(two, one.low - pad, one.high + pad)
-
-
-@wp.func
-def reach_along(axis: vec3, t: wp.vec3i, origin: vec3, points: wp.array(dtype=vec3)):
-    """Least and greatest coordinate of a triangle along an axis."""
-    a = wp.dot(axis, points[t[0]] - origin)
-    b = wp.dot(axis, points[t[1]] - origin)
-    c = wp.dot(axis, points[t[2]] - origin)
-    return wp.min(wp.min(a, b), c), wp.max(wp.max(a, b), c)
-
-
-@wp.func
-def triangles_apart(
-    t: wp.vec3i, u: wp.vec3i, start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), margin: real, leeway: real
-):  # fmt: skip
-    """Whether two triangles stay further apart than ``margin`` along the line between their centres at the start.
-
-    Coordinates along it are linear in time, so the gap between them, a least of linear functions, is concave: what it is
-    at the start and at the end, it is at least in between. With a ``leeway`` below 1 by that share of their motion to
-    each other further, as that is only foreseen.
-    """
-    origin = start[t[0]]
-    axis = (start[u[0]] - origin) + (start[u[1]] - start[t[1]]) + (start[u[2]] - start[t[2]])
-    away = wp.length(axis)
-    unit = axis / wp.max(away, real(1.0e-30))
-    _low, high = reach_along(unit, t, origin, start)
-    low, _high = reach_along(unit, u, origin, start)
-    _end_low, end_high = reach_along(unit, t, origin, end)
-    end_low, _end_high = reach_along(unit, u, origin, end)
-    needed = margin + real(1.0e-5) * (wp.abs(low) + wp.abs(high) + wp.abs(end_low) + wp.abs(end_high) + away)
-    if leeway < real(1.0):
-        end_axis = (end[u[0]] - end[t[0]]) + (end[u[1]] - end[t[1]]) + (end[u[2]] - end[t[2]])
-        needed += leeway / real(3.0) * wp.length(end_axis - axis)
-    return wp.min(low - high, end_low - end_high) > needed
-
-
-@wp.func
 def add_features(
     t: int, u: int, tri_indices: wp.array2d(dtype=wp.int32), tri_owned: wp.array(dtype=wp.int32),
     body: wp.array(dtype=wp.int32), radius: wp.array(dtype=real), rest: wp.array(dtype=vec3),
@@ -293,14 +213,18 @@ def find_pairs(
     One triangle of the two must be active. The triangles' ways hold at least half the margin.
     """
     for n in range(thread_offset + wp.tid(), length_of(candidates), stride):
-        t = candidates.pair[n][0]
-        u = candidates.pair[n][1]
-        if t >= 0 and (tri_active[t] | tri_active[u]) == 1:
-            if may_meet(way[t], way[u]):
-                add_features(
-                    t, u, tri_indices, tri_owned, particle_body, particle_radius, particle_rest, particle_from,
-                    particle_to, margin, cloth_particles, leeway, pairs_out,
-                )  # fmt: skip
+        pair = pair_at(candidates.pair, n)
+        t = pair[0]
+        u = pair[1]
+        if t < 0:
+            continue
+        if (int_at(tri_active, t) | int_at(tri_active, u)) == 0:
+            continue
+        if may_meet(way[t], way[u]):
+            add_features(
+                t, u, tri_indices, tri_owned, particle_body, particle_radius, particle_rest, particle_from,
+                particle_to, margin, cloth_particles, leeway, pairs_out,
+            )  # fmt: skip
 
 
 @wp.kernel

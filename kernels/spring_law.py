@@ -24,13 +24,22 @@ def direction(d: vec3):
 
 
 @wp.func
-def spring_force(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real):
-    """Force [N] on particle p; its negative acts on q.
+def spring_pull(d: vec3, u: vec3, law: vec3):
+    """Force [N] on particle p; its negative acts on q. ``law`` is (r [m], k_s/r [N/m], k_d/r [N s/m]).
 
     With |d| − r, which floating point takes exactly where strains are small, and few divisions.
     """
-    n = direction(d)
-    return ((k_s * (wp.length(d) - rest_length) + k_d * wp.dot(u, n)) / rest_length) * n
+    length = wp.length(d)
+    inverse = real(0.0)
+    if length > real(0.0):
+        inverse = real(1.0) / length
+    return ((law[1] * (length - law[0]) + law[2] * wp.dot(u, d) * inverse) * inverse) * d
+
+
+@wp.func
+def spring_force(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real):
+    """The same from stiffness and damping as they are."""
+    return spring_pull(d, u, vec3(rest_length, k_s / rest_length, k_d / rest_length))
 
 
 @wp.func

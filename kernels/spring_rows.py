@@ -10,27 +10,11 @@ import sys
 
 import warp as wp
 
-from .precision import FORWARD_ONLY, real, vec3
-from .spring_law import spring_force
+from .direct import int_at, put, vector_at
+from .precision import FORWARD_ONLY, vec3
+from .spring_law import spring_pull
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
-
-
-@wp.kernel
-def arrange_law(
-    # Model
-    thread_offset: int,
-    entry_spring: wp.array(dtype=wp.int32),
-    spring_rest_length: wp.array(dtype=real),
-    spring_stiffness: wp.array(dtype=real),
-    spring_damping: wp.array(dtype=real),
-    # Out
-    law_out: wp.array(dtype=vec3),
-):
-    """(r [m], k_s [N], k_d [N s]) of the spring of each entry."""
-    e = thread_offset + wp.tid()
-    s = entry_spring[e]
-    law_out[e] = vec3(spring_rest_length[s], spring_stiffness[s], spring_damping[s])
 
 
 @wp.kernel
@@ -48,14 +32,14 @@ def receive(
     particle_f_out: wp.array(dtype=vec3),
 ):
     """Forces from springs that begin in ranges before."""
-    k = thread_offset + wp.tid()
-    i = receiver[k]
+    n = thread_offset + wp.tid()
+    i = receiver[n]
     x = particle_q[i]
     v = particle_qd[i]
     total = particle_f_out[i]
-    for e in range(receiver_start[k], receiver_start[k + 1]):
-        j = entry_other[e]
-        total = total - spring_force(x - particle_q[j], v - particle_qd[j], law[e][0], law[e][1], law[e][2])
+    for e in range(receiver_start[n], receiver_start[n + 1]):
+        j = int_at(entry_other, e)
+        total = total - spring_pull(x - vector_at(particle_q, j), v - vector_at(particle_qd, j), vector_at(law, e))
     particle_f_out[i] = total
 
 
@@ -78,12 +62,12 @@ def pull_rows(
     v = particle_qd[i]
     total = vec3()
     for e in range(row_start[i], row_start[i + 1]):
-        j = entry_other[e]
+        j = int_at(entry_other, e)
         beyond = j < 0
         if beyond:
             j = -1 - j
-        f = spring_force(particle_q[j] - x, particle_qd[j] - v, law[e][0], law[e][1], law[e][2])
+        f = spring_pull(vector_at(particle_q, j) - x, vector_at(particle_qd, j) - v, vector_at(law, e))
         total += f
         if not beyond:
-            particle_f_out[j] = particle_f_out[j] - f
+            put(particle_f_out, j, vector_at(particle_f_out, j) - f)
     particle_f_out[i] = particle_f_out[i] + total

@@ -83,3 +83,21 @@ def energy(
     d = particle_q[ends[1]] - particle_q[ends[0]]
     e = spring_energy(d, spring_rest_length[s], spring_stiffness[s])
     wp.atomic_add(energy_out, particle_world[ends[0]], spring_group[s], wp.float64(e))
+
+
+@wp.kernel
+def arrange_law(
+    # Model
+    thread_offset: int,
+    spring_order: wp.array(dtype=wp.int32),
+    spring_rest_length: wp.array(dtype=real),
+    spring_stiffness: wp.array(dtype=real),
+    spring_damping: wp.array(dtype=real),
+    # Out
+    spring_law_out: wp.array(dtype=vec3),
+):
+    """(r [m], k_s/r [N/m], k_d/r [N s/m]) of springs in another order."""
+    j = thread_offset + wp.tid()
+    s = spring_order[j]
+    r = spring_rest_length[s]
+    spring_law_out[j] = vec3(r, spring_stiffness[s] / r, spring_damping[s] / r)

@@ -24,22 +24,20 @@ from .spring_law import direction
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
 
-@wp.kernel
-def arrange_law(
-    # Model
-    thread_offset: int,
-    spring_order: wp.array(dtype=wp.int32),
-    spring_rest_length: wp.array(dtype=real),
-    spring_stiffness: wp.array(dtype=real),
-    spring_damping: wp.array(dtype=real),
-    # Out
-    spring_law_out: wp.array(dtype=vec3),
-):
-    """(r [m], k_s/r [N/m], k_d/r [N s/m]) of the springs in the order of their colours."""
-    j = thread_offset + wp.tid()
-    s = spring_order[j]
-    r = spring_rest_length[s]
-    spring_law_out[j] = vec3(r, spring_stiffness[s] / r, spring_damping[s] / r)
+@wp.func
+def spring_impulse(d: vec3, moved: vec3, law: vec3, w: real, dt: real):
+    """h J [N s²] of a spring with the two ends' inverse masses w [1/kg] together.
+
+    ``d`` is d̂, ``moved`` how much of it the step has brought so far, ``law`` (r [m], k_s/r [N/m], k_d/r [N s/m]).
+    """
+    length = wp.length(d)
+    inverse = real(0.0)  # a spring of zero length has no direction
+    if length > real(0.0):
+        inverse = real(1.0) / length
+    elastic = dt * dt * law[1]
+    viscous = dt * law[2]
+    pull = elastic * (length - law[0]) + viscous * wp.dot(d, moved) * inverse
+    return (pull * inverse / (real(1.0) + (elastic + viscous) * w)) * d
 
 
 @wp.kernel
@@ -64,20 +62,11 @@ def solve_springs(
     s = thread_offset + wp.tid()
     p = spring_ends[s][0]
     q = spring_ends[s][1]
-    law = spring_law[s]
     w_p = particle_inv_mass[p]
     w_q = particle_inv_mass[q]
     old = (kept * dt * dt) * spring_force_out[s]
     moved = displacement_out[q] - displacement_out[p] + (w_p + w_q) * old
-    d = particle_q[q] - particle_q[p] + moved
-    length = wp.length(d)
-    inverse = real(0.0)  # a spring of zero length has no direction
-    if length > real(0.0):
-        inverse = real(1.0) / length
-    elastic = dt * dt * law[1]
-    viscous = dt * law[2]
-    pull = elastic * (length - law[0]) + viscous * wp.dot(d, moved) * inverse
-    impulse = (pull * inverse / (real(1.0) + (elastic + viscous) * (w_p + w_q))) * d
+    impulse = spring_impulse(particle_q[q] - particle_q[p] + moved, moved, spring_law[s], w_p + w_q, dt)
     displacement_out[p] = displacement_out[p] + w_p * (impulse - old)
     displacement_out[q] = displacement_out[q] - w_q * (impulse - old)
     spring_force_out[s] = (real(1.0) / (dt * dt)) * impulse

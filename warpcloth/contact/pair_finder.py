@@ -10,7 +10,7 @@ from .fans import fans_of
 from .pair_list import PairList, loop_width
 
 ROOM = 0.05  # of an edge's length: how far a triangle may stray before its neighbours are looked up again
-AHEAD = 0.25  # of an edge's length: how far ahead of a slow triangle they are looked up
+AHEAD = 0.4  # of an edge's length: how far ahead of a slow triangle they are looked up
 
 
 class PairFinder:

@@ -38,7 +38,7 @@ class SpringRows:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
         model = self.model
         launch(
-            model.kernels.spring_rows.arrange_law,
+            model.kernels.springs.arrange_law,
             dim=len(self._spring),
             inputs=[self._spring, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
             outputs=[self._law],

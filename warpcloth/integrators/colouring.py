@@ -71,9 +71,11 @@ class SpringColours:
         order: spring numbers, sorted by colour, int, shape [spring_count].
         start: of each colour in ``order``, int, shape [colour_count + 1].
         ends: particle pairs, a Warp array per colour, vec2i.
+        block_start: none; the springs of a colour are solved in any order.
     """
 
     def __init__(self, model: Model):
+        self.block_start: list[wp.array] = []
         ends = model.spring_indices.numpy()
         self.model = model
         self.order, self.start = grouped(spring_colours(ends, model.particle_count))

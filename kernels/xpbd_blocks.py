@@ -1,0 +1,52 @@
+"""The springs of XPBD block by block, for the CPU: a thread solves all springs of some hundred particles, in order.
+
+A sweep along the threads of cloth carries a load further than one by colours, in which a spring next to one that has
+just been solved comes last: cloth that hangs holds its weight with a tenth fewer steps. And a block stays in the cache.
+"""
+
+import sys
+
+import warp as wp
+
+from .direct import pair_at, put, real_at, vector_at
+from .precision import FORWARD_ONLY, real, vec3
+from .xpbd import spring_impulse
+
+wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
+
+
+@wp.kernel
+def solve_blocks(
+    # Model
+    thread_offset: int,
+    block_start: wp.array(dtype=wp.int32),
+    spring_ends: wp.array(dtype=wp.vec2i),
+    spring_law: wp.array(dtype=vec3),
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    dt: real,
+    kept: real,
+    # Out
+    displacement_out: wp.array(dtype=vec3),
+    spring_force_out: wp.array(dtype=vec3),
+):
+    """Solves the springs ``block_start[b]`` to ``block_start[b + 1]`` of blocks that share no particle."""
+    b = thread_offset + wp.tid()
+    share = kept * dt * dt
+    rate = real(1.0) / (dt * dt)
+    for s in range(block_start[b], block_start[b + 1]):
+        ends = pair_at(spring_ends, s)
+        p = ends[0]
+        q = ends[1]
+        w_p = real_at(particle_inv_mass, p)
+        w_q = real_at(particle_inv_mass, q)
+        moved_p = vector_at(displacement_out, p)
+        moved_q = vector_at(displacement_out, q)
+        old = share * vector_at(spring_force_out, s)
+        moved = moved_q - moved_p + (w_p + w_q) * old
+        d = vector_at(particle_q, q) - vector_at(particle_q, p) + moved
+        impulse = spring_impulse(d, moved, vector_at(spring_law, s), w_p + w_q, dt)
+        put(displacement_out, p, moved_p + w_p * (impulse - old))
+        put(displacement_out, q, moved_q - w_q * (impulse - old))
+        put(spring_force_out, s, rate * impulse)
