@@ -11,6 +11,7 @@ import sys
 
 import warp as wp
 
+from .direct import int_at, pair_at, vector_at
 from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -61,37 +62,39 @@ def find_flat_fans(
     last = fan_start[i + 1]
     looked_at = active[i]
     for k in range(first, last):
-        looked_at = looked_at | active[fan_spokes[k][0]] | active[fan_spokes[k][1]]
+        spokes = pair_at(fan_spokes, k)
+        looked_at = looked_at | int_at(active, spokes[0]) | int_at(active, spokes[1])
     if looked_at == 0:
         return
     flat_out[i] = 0
     if turns < 0 or first == last:
         return
-    x = particle_from[i]
-    y = particle_to[i]
+    x = vector_at(particle_from, i)
+    y = vector_at(particle_to, i)
     axis = vec3()
     for k in range(first, last):
-        spokes = fan_spokes[k]
-        a = particle_from[spokes[0]] - x
-        b = particle_from[spokes[1]] - x
+        spokes = pair_at(fan_spokes, k)
+        a = vector_at(particle_from, spokes[0]) - x
+        b = vector_at(particle_from, spokes[1]) - x
         if moves == 1:
-            a += particle_to[spokes[0]] - y
-            b += particle_to[spokes[1]] - y
+            a += vector_at(particle_to, spokes[0]) - y
+            b += vector_at(particle_to, spokes[1]) - y
         axis += wp.cross(a, b)
     axis = wp.normalize(axis)
-    up = wp.cross(axis, particle_from[fan_spokes[first][0]] - x)
-    up_later = wp.cross(axis, particle_to[fan_spokes[first][0]] - y)
+    start = pair_at(fan_spokes, first)
+    up = wp.cross(axis, vector_at(particle_from, start[0]) - x)
+    up_later = wp.cross(axis, vector_at(particle_to, start[0]) - y)
     for k in range(first, last):
-        spokes = fan_spokes[k]
-        a = particle_from[spokes[0]] - x
-        b = particle_from[spokes[1]] - x
+        spokes = pair_at(fan_spokes, k)
+        a = vector_at(particle_from, spokes[0]) - x
+        b = vector_at(particle_from, spokes[1]) - x
         if leans(wp.cross(a, b), axis):
             return
         if k > first or turns > 0:  # an open fan's first spoke is where it begins, not passed
             turns -= passes(up, a, b)
         if moves == 1:
-            c = particle_to[spokes[0]] - y
-            d = particle_to[spokes[1]] - y
+            c = vector_at(particle_to, spokes[0]) - y
+            d = vector_at(particle_to, spokes[1]) - y
             if leans(wp.cross(c, d), axis) or leans(wp.cross(a, d) + wp.cross(c, b), axis):
                 return
             if fan_turns[i] == 0:

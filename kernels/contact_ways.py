@@ -8,6 +8,7 @@ import sys
 
 import warp as wp
 
+from .direct import vector_at
 from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -123,14 +124,14 @@ def remove_drift(
 def way_of(corners: wp.vec3i, particle_from: wp.array(dtype=vec3), particle_to: wp.array(dtype=vec3)):
     """The way of a triangle."""
     way = Way()
-    a = low_corner(particle_from[corners[0]])
-    b = low_corner(particle_from[corners[1]])
-    c = low_corner(particle_from[corners[2]])
+    a = low_corner(vector_at(particle_from, corners[0]))
+    b = low_corner(vector_at(particle_from, corners[1]))
+    c = low_corner(vector_at(particle_from, corners[2]))
     way.low = wp.min(wp.min(a, b), c)
     way.high = wp.max(wp.max(a, b), c)
-    a = low_corner(particle_to[corners[0]])
-    b = low_corner(particle_to[corners[1]])
-    c = low_corner(particle_to[corners[2]])
+    a = low_corner(vector_at(particle_to, corners[0]))
+    b = low_corner(vector_at(particle_to, corners[1]))
+    c = low_corner(vector_at(particle_to, corners[2]))
     way.end_low = wp.min(wp.min(a, b), c)
     way.end_high = wp.max(wp.max(a, b), c)
     return way

@@ -2,29 +2,48 @@
 
 Warp's own indexing multiplies by a stride and looks whether the number is negative each time: six instructions, a dozen
 times for each spring. So the innermost loops read and write with these. Numbers must be in range, and arrays
-contiguous, as all of a model's are.
+contiguous, as all of a model's are. Where there are gradients it is Warp's indexing, of which Warp knows the adjoint.
 """
 
 import warp as wp
 
-from .precision import real, vec3
+from .precision import OPTIONS, real, vec3
 
+if OPTIONS["enable_backward"]:
 
-@wp.func_native("return array.data[i];")
-def vector_at(array: wp.array(dtype=vec3), i: int) -> vec3: ...
+    @wp.func
+    def vector_at(array: wp.array(dtype=vec3), i: int):
+        return array[i]
 
+    @wp.func
+    def real_at(array: wp.array(dtype=real), i: int):
+        return array[i]
 
-@wp.func_native("return array.data[i];")
-def real_at(array: wp.array(dtype=real), i: int) -> real: ...
+    @wp.func
+    def pair_at(array: wp.array(dtype=wp.vec2i), i: int):
+        return array[i]
 
+    @wp.func
+    def int_at(array: wp.array(dtype=wp.int32), i: int):
+        return array[i]
 
-@wp.func_native("return array.data[i];")
-def pair_at(array: wp.array(dtype=wp.vec2i), i: int) -> wp.vec2i: ...
+    @wp.func
+    def put(array_out: wp.array(dtype=vec3), i: int, value: vec3):
+        array_out[i] = value
 
+else:
 
-@wp.func_native("return array.data[i];")
-def int_at(array: wp.array(dtype=wp.int32), i: int) -> int: ...
+    @wp.func_native("return array.data[i];")
+    def vector_at(array: wp.array(dtype=vec3), i: int) -> vec3: ...
 
+    @wp.func_native("return array.data[i];")
+    def real_at(array: wp.array(dtype=real), i: int) -> real: ...
 
-@wp.func_native("array_out.data[i] = value;")
-def put(array_out: wp.array(dtype=vec3), i: int, value: vec3): ...
+    @wp.func_native("return array.data[i];")
+    def pair_at(array: wp.array(dtype=wp.vec2i), i: int) -> wp.vec2i: ...
+
+    @wp.func_native("return array.data[i];")
+    def int_at(array: wp.array(dtype=wp.int32), i: int) -> int: ...
+
+    @wp.func_native("array_out.data[i] = value;")
+    def put(array_out: wp.array(dtype=vec3), i: int, value: vec3): ...

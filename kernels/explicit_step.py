@@ -4,6 +4,7 @@ import sys
 
 import warp as wp
 
+from .direct import put, real_at, vector_at
 from .precision import OPTIONS, real, vec3
 
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
@@ -44,15 +45,15 @@ def advance(
     stay; their driver moves them. May work in place.
     """
     i = thread_offset + wp.tid()
-    inv_mass = particle_inv_mass[i]
-    x = particle_q[i]
-    v = particle_qd[i]
+    inv_mass = real_at(particle_inv_mass, i)
+    x = vector_at(particle_q, i)
+    v = vector_at(particle_qd, i)
     if inv_mass > real(0.0):
-        f = particle_f[i]
+        f = vector_at(particle_f, i)
         x += drift * v + inv_mass * weighted_sum(f, stage_f, i, stage_count, position_weights)
         v += inv_mass * weighted_sum(f, stage_f, i, stage_count, velocity_weights)
-    particle_q_out[i] = x
-    particle_qd_out[i] = v
+    put(particle_q_out, i, x)
+    put(particle_qd_out, i, v)
 
 
 @wp.kernel

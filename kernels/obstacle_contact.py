@@ -17,6 +17,7 @@ import sys
 
 import warp as wp
 
+from .direct import int_at, put, real_at, vector_at
 from .obstacle_hit import Hit, analytic_hit, find_hit, mean_friction
 from .precision import OPTIONS, real, vec3
 from .shapes import Placement, Shapes, to_local, to_world
@@ -142,35 +143,37 @@ def respond(
     have been within ``clearance`` of ``clear_of`` all the while have met nothing; see ``obstacle_clearance.py``.
     """
     i = thread_offset + wp.tid()
-    free = clearance[i]
-    here = clear_of[i]
-    clear = wp.length(particle_q[i] - here) < free and wp.length(particle_q_out[i] - here) < free
-    if particle_inv_mass[i] == real(0.0) or (clear and impulse_shape[i] < 0):
+    free = real_at(clearance, i)
+    here = vector_at(clear_of, i)
+    x = vector_at(particle_q, i)
+    now = Motion()
+    now.x = vector_at(particle_q_out, i)
+    clear = wp.length(x - here) < free and wp.length(now.x - here) < free
+    if real_at(particle_inv_mass, i) == real(0.0) or (clear and int_at(impulse_shape, i) < 0):
         return
     w = particle_world[i]
-    now = Motion()
-    now.x = particle_q_out[i]
-    now.v = particle_qd_out[i]
+    v = vector_at(particle_qd, i)
+    now.v = vector_at(particle_qd_out, i)
     for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
         offset = particle_radius[i] + shapes.thickness[s]
         slop = real(1.0e-3) * offset
         friction = mean_friction(particle_friction[i], shapes.friction[s])
-        a = to_local(start[s], particle_q[i])
+        a = to_local(start[s], x)
         given = vec3()
         if impulse_shape[i] == s:
             given = impulse[i]
         for _pass in range(MAX_PASSES):
             hit = find_hit(shapes, s, dt, a, to_local(end[s], now.x), offset, slop)
             answered = answer(
-                hit, start[s], end[s], a, particle_q[i], particle_qd[i], now, dt, slop, friction,
+                hit, start[s], end[s], a, x, v, now, dt, slop, friction,
                 shapes.restitution[s], given,
             )  # fmt: skip
             now = answered.motion
             given = vec3()
             if answered.again == 0:
                 break
-    particle_q_out[i] = now.x
-    particle_qd_out[i] = now.v
+    put(particle_q_out, i, now.x)
+    put(particle_qd_out, i, now.v)
 
 
 @wp.kernel

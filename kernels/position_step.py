@@ -9,6 +9,7 @@ import sys
 
 import warp as wp
 
+from .direct import put, real_at, vector_at
 from .precision import OPTIONS, real, vec3
 
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
@@ -37,14 +38,14 @@ def predict(
     Pinned particles stay; their driver moves them.
     """
     i = thread_offset + wp.tid()
-    w = particle_inv_mass[i]
+    w = real_at(particle_inv_mass, i)
     inertial = vec3()
     if w > real(0.0):
-        inertial = dt * (particle_qd[i] + (dt * w) * particle_f[i])
-    inertial_out[i] = inertial
-    displacement_out[i] = inertial + (warm_start * dt * dt) * spring_acceleration[i]
-    particle_q_out[i] = particle_q[i]
-    particle_qd_out[i] = vec3()
+        inertial = dt * (vector_at(particle_qd, i) + (dt * w) * vector_at(particle_f, i))
+    put(inertial_out, i, inertial)
+    put(displacement_out, i, inertial + (warm_start * dt * dt) * vector_at(spring_acceleration, i))
+    put(particle_q_out, i, vector_at(particle_q, i))
+    put(particle_qd_out, i, vec3())
 
 
 @wp.kernel
@@ -79,7 +80,8 @@ def finish(
 ):
     """x = x₀ + δ and v = δ/h of free particles; keeps the acceleration by springs (δ − δ̂)/h² for the next step."""
     i = thread_offset + wp.tid()
-    if particle_inv_mass[i] > real(0.0):
-        particle_q_out[i] = particle_q[i] + displacement[i]
-        particle_qd_out[i] = displacement[i] / dt
-        spring_acceleration_out[i] = (displacement[i] - inertial[i]) / (dt * dt)
+    if real_at(particle_inv_mass, i) > real(0.0):
+        moved = vector_at(displacement, i)
+        put(particle_q_out, i, vector_at(particle_q, i) + moved)
+        put(particle_qd_out, i, moved / dt)
+        put(spring_acceleration_out, i, (moved - vector_at(inertial, i)) / (dt * dt))
