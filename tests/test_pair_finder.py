@@ -1,5 +1,8 @@
 """What may be near is found, whatever is remembered of earlier ways and however few pairs are looked at."""
 
+import itertools
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 import warp as wp
@@ -101,7 +104,6 @@ def test_all_pairs_that_start_near_are_found(finder, seed):
     points = crumpled(np.random.default_rng(seed))
     triangles = finder[2].tri_indices.numpy()[: finder[2].cloth_tris]
     found = look(*finder, points, points, fans=False)
-    kernels = KernelSet("float64")
     expected = set()
     for v in range(len(points)):
         for t in triangles.tolist():
@@ -110,13 +112,33 @@ def test_all_pairs_that_start_near_are_found(finder, seed):
                 and np.all(points[v] > points[t].min(0) - MARGIN)
                 and np.all(points[v] < points[t].max(0) + MARGIN)
             ):
-                w = np.array(distance_weights(kernels, points[[v, *t]]))
+                w = np.array(distance_weights(points[[v, *t]]))
                 if np.linalg.norm(w @ points[[v, *t]]) < 0.999 * MARGIN:
                     expected.add((0, v, *t))
     assert expected <= found
 
 
-def distance_weights(kernels, points: np.ndarray) -> np.ndarray:
+@settings(max_examples=10)
+@given(seed=st.integers(0, 10**6), speed=st.floats(0.0, 2.0))
+def test_all_pairs_that_come_near_on_their_way_are_found(finder, seed, speed):
+    """Halves that fly together, apart or through each other, while all of it moves: by brute force at five times."""
+    rng = np.random.default_rng(seed)
+    start = crumpled(rng)
+    half = start[:, 0] < 0.5
+    end = start + rng.normal(scale=speed, size=3) + half[:, None] * rng.normal(scale=0.5 * speed, size=3)
+    end += rng.normal(scale=0.02, size=start.shape)
+    triangles = finder[2].tri_indices.numpy()[: finder[2].cloth_tris].tolist()
+    found = look(*finder, start, end, fans=False)
+    for s in np.linspace(0.0, 1.0, 5):
+        points = start + s * (end - start)
+        for v, t in itertools.product(range(len(points)), triangles):
+            if v in t or np.any(points[v] < points[t].min(0) - MARGIN) or np.any(points[v] > points[t].max(0) + MARGIN):
+                continue
+            if np.linalg.norm(distance_weights(points[[v, *t]]) @ points[[v, *t]]) < 0.999 * MARGIN:
+                assert (0, v, *t) in found
+
+
+def distance_weights(points: np.ndarray) -> np.ndarray:
     """Weights of point minus closest point of the triangle, by minimising over the triangle's border and inside."""
     p, a, b, c = points
     best, weights = np.inf, None
@@ -185,3 +207,43 @@ def _rim_crosses(points: np.ndarray, centre: int, t: list[int], u: list[int]) ->
         return False
     signs = [volume(p, q, a, b), volume(p, q, b, c), volume(p, q, c, a)]
     return min(signs) > 0 or max(signs) < 0
+
+
+@pytest.fixture(scope="module")
+def meet() -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    ways = KernelSet("float32").contact_ways
+    way_type, may_meet = ways.Way, ways.may_meet
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def ask(a: wp.array(dtype=way_type), b: wp.array(dtype=way_type), out: wp.array(dtype=wp.int32)):
+        i = wp.tid()
+        out[i] = wp.where(may_meet(a[i], b[i]), 1, 0)
+
+    def asked(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        out = wp.zeros(len(a), dtype=wp.int32, device="cpu")
+        boxes = [
+            wp.array(np.ascontiguousarray(x, np.float32).view(way_type.numpy_dtype()).ravel(), dtype=way_type)
+            for x in (a, b)
+        ]
+        wp.launch(ask, len(a), boxes, [out], device="cpu")
+        return out.numpy().astype(bool)
+
+    return asked
+
+
+def test_boxes_meet_if_they_overlap_at_any_time_of_their_ways(meet):
+    """Against overlaps at many times; ways that miss each other by less than those tell are left out."""
+    rng = np.random.default_rng(0)
+    middle, half = rng.uniform(-1.0, 1.0, (2, 20_000, 2, 3)), rng.uniform(0.05, 0.4, (2, 20_000, 2, 3))
+    low, high = middle - half, middle + half
+    a, b = (
+        np.stack([low[k, :, 0], high[k, :, 0], low[k, :, 1], high[k, :, 1]], axis=1).reshape(-1, 12) for k in (0, 1)
+    )
+    t = np.linspace(0.0, 1.0, 401)[:, None, None]
+    lows, highs = ([(1.0 - t) * x[k, :, 0] + t * x[k, :, 1] for k in (0, 1)] for x in (low, high))
+    gap = np.maximum(lows[0] - highs[1], lows[1] - highs[0]).max(axis=-1).min(axis=0)
+    clear = np.abs(gap) > 0.01
+    assert np.array_equal(meet(a, b)[clear], gap[clear] < 0.0)
+    apart_at_both_ends = np.maximum(low[0] - high[1], low[1] - high[0]).max(axis=-1).min(axis=-1) > 0.0
+    assert 0.1 < (gap[apart_at_both_ends] < 0.0).mean() < 0.9
+    assert clear.mean() > 0.9

@@ -25,7 +25,8 @@ def force_terms(
             raise InputError(f"Air must be an Air, one for each world, or None, got {type(item).__name__}.")
     if airs and len(airs) != model.world_count:
         raise InputError(f"Air must be given once or for each of the {model.world_count} worlds, got {len(airs)}.")
-    terms: list[ForceTerm] = [Springs(model, assembly, ranges)]
+    solved = "springs" in integrator.solved_forces  # by the scheme, which has copies of its own
+    terms: list[ForceTerm] = [Springs(model, assembly, None if solved else ranges)]
     if model.woven_count > 0:
         terms.append(Woven(model, assembly, ranges))
     if model.bend_count > 0:
