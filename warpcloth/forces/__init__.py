@@ -4,6 +4,7 @@ from .air import AirDrag
 from .base import Differentiable, Forces, ForceTerm, Hessian, Linearization
 from .bending import Bending
 from .grabs import Grabs
+from .mass_damping import MassDamping
 from .pressure import Pressure
 from .springs import ASSEMBLIES, Springs
 from .strain_limit import StrainLimit
@@ -12,5 +13,5 @@ from .woven import Woven
 
 __all__ = [
     "ASSEMBLIES", "AirDrag", "AppliedForce", "Bending", "Differentiable", "ForceTerm", "Forces", "Grabs", "Hessian",
-    "Linearization", "Pressure", "Springs", "StrainLimit", "UserForce", "Woven",
+    "Linearization", "MassDamping", "Pressure", "Springs", "StrainLimit", "UserForce", "Woven",
 ]  # fmt: skip
