@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from ..forces import Forces
-from ..launching import fill, launch
+from ..launching import copy, fill, launch, only_if
 from ..model import Model
 from ..state import Memory, State
 from .implicit import ImplicitScheme, Stage
@@ -16,7 +16,8 @@ class Bdf2(ImplicitScheme):
     """y′ = (4 y − y₋₁ + 2 dt ẏ′)/3 for positions and velocities.
 
     The state before is remembered on the device, with the step of each world: a first step, and one of another size
-    than the last, start afresh. Between steps contact may change the state: the remembered one is changed with it.
+    than the last, start afresh, with a step of implicit Euler that tells what the past might have been. Between steps
+    contact may change the state: the remembered one is changed with it.
     """
 
     name = "bdf2"
@@ -42,12 +43,16 @@ class Bdf2(ImplicitScheme):
             cg_tolerance=cg_tolerance,
             cg_iterations=cg_iterations,
         )
-        self._past, self._end = State.of(model), State.of(model)
+        self._past, self._end, self._first = (State.of(model) for _ in range(3))
+        self._wanted = wp.zeros(1, dtype=wp.int32, device=model.device)
         self._past_dt = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
-        forces.evaluate(state_in)
+        fill(self._wanted)
+        asked = model.kernels.implicit_schemes.ask_for_start
+        launch(asked, model.world_count, [self._past_dt, dt], [self._wanted], device=model.device)
+        only_if(self._wanted, lambda: self._step_first(model, state_in, forces, dt))
         self._recall(model, state_in, dt)
         self._start(model, state_in, state_out, self._past, dt)
         self.newton.solve(state_out, forces, self.stage.gamma * dt, self.stage.time * dt)
@@ -63,13 +68,29 @@ class Bdf2(ImplicitScheme):
         states = [array for state in (self._past, self._end) for array in (state.particle_q, state.particle_qd)]
         return [*(Memory(array, own) for array in states), Memory(self._past_dt, None)]
 
+    def _step_first(self, model: Model, state_in: State, forces: Forces, dt: float) -> None:
+        """A step of implicit Euler from ``state_in`` to ``self._first``."""
+        newton, first = self.newton, self._first
+        copy(first.world_time, state_in.world_time)
+        launch(
+            model.kernels.implicit_schemes.stage_base,
+            dim=model.particle_count,
+            inputs=[
+                model.particle_inv_mass, state_in.particle_q, state_in.particle_qd, state_in.particle_f,
+                state_in.particle_q, state_in.particle_qd, dt, 0.0, 0.0,
+            ],
+            outputs=[newton.position_base, newton.velocity_base, first.particle_q, first.particle_qd],
+            device=model.device,
+        )  # fmt: skip
+        newton.solve(first, forces, dt, dt)
+
     def _recall(self, model: Model, state: State, dt: float) -> None:
         launch(
             model.kernels.implicit_schemes.recall,
             dim=model.particle_count,
             inputs=[
-                model.particle_inv_mass, model.particle_world, state.particle_q, state.particle_qd, state.particle_f,
-                self._end.particle_q, self._end.particle_qd, self._past_dt, dt,
+                model.particle_world, state.particle_q, state.particle_qd, self._end.particle_q,
+                self._end.particle_qd, self._first.particle_qd, self._past_dt, dt,
             ],
             outputs=[self._past.particle_q, self._past.particle_qd],
             device=model.device,

@@ -27,6 +27,7 @@ from ..integrators import INTEGRATORS, option_names
 from ..model import Model
 from ..simulation import Simulation
 from .result import AREA, Check, Curve, Panel, Result
+from .settle import balanced
 from .setup import Progress, Setup
 from .shadow import Shadow, shadow_of
 from .specimen import disc_ring
@@ -38,7 +39,7 @@ CELLS = 8  # across the ring
 STARTS = 5
 ROUGHNESS, WAVES = 0.005, 8  # height of waves at the rim at the start [m], and most of them around it
 DAMPING = 5.0  # [1/s]: ½ ρ c_D v of air over the areal density, at 1 m/s. Twice as much holds waves of the start
-STEP = 0.01  # [s]. With 20 ms BDF2 shakes cotton down to 74 %
+STEP = 0.01  # [s]
 RELEASE = 200  # steps over which the weight comes on
 MAX_STEPS = 1000
 REST = 2e-4  # [m/s], root mean square, of a specimen at rest
@@ -101,9 +102,10 @@ def draped(setup: Setup, seed: int) -> Drape:
     cloth = disc_ring(DISC, SPECIMEN, setup.cells(CELLS), setup, _sheet(setup.fabric))
     held = np.linalg.norm(cloth.points, axis=1) < DISC + 0.6 * (SPECIMEN - DISC) / setup.cells(CELLS)
     model = Model.build(_waved(cloth, held, seed), precision="float64")
-    options = {"tolerance": NEWTON} if "tolerance" in option_names(INTEGRATORS[setup.integrator]) else {}
-    damping = MassDamping(model, DAMPING)
-    sim = Simulation(model, setup.integrator, contact="none", integrator_options=options, forces=[damping])
+    options = balanced(model, setup.integrator, STEP)
+    if "tolerance" in option_names(INTEGRATORS[setup.integrator]):
+        options["integrator_options"] = {"tolerance": NEWTON}
+    sim = Simulation(model, setup.integrator, contact="none", forces=[MassDamping(model, DAMPING)], **options)
     quiet = 0
     for step in range(1, MAX_STEPS + 1):
         share = min(step / RELEASE, 1.0)

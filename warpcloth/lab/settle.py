@@ -66,7 +66,7 @@ def settle(
     swing = math.sqrt(length / strength)
     large = takes_any_step(INTEGRATORS[setup.integrator](model))
     dt = LONG_STEP * swing if large else SHORT_STEP * swing
-    sim = Simulation(model, setup.integrator, gravity, contact="none", **_balanced(model, setup.integrator, dt))
+    sim = Simulation(model, setup.integrator, gravity, contact="none", **balanced(model, setup.integrator, dt))
     relaxation = Relaxation(sim)
     free = model.particle_inv_mass.numpy() > 0.0
     scale = float(np.mean(model.particle_mass.numpy())) * strength
@@ -102,7 +102,7 @@ class Relaxation:
         self._before = kinetic
 
 
-def _balanced(model: Model, integrator: str, dt: float) -> dict[str, Any]:
+def balanced(model: Model, integrator: str, dt: float) -> dict[str, Any]:
     """Options of a simulation whose rest shape is an equilibrium, for frames of dt [s]."""
     if "warm_start" not in option_names(INTEGRATORS[integrator]):
         return {}
