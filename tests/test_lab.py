@@ -126,6 +126,22 @@ def test_drape_of_real_fabrics_is_predicted(fabric):
     assert abs(drape.shadow.folds - folds) <= 2
 
 
+@pytest.fixture(scope="module")
+def cotton_drape() -> cusick.Drape:
+    return cusick.draped(Setup(fabric=library_fabric("cotton"), resolution=5), 0)
+
+
+@pytest.mark.parametrize(("integrator", "step"), [("bdf2", 0.02), ("xpbd", 0.02), ("implicit_euler", 0.01)])
+def test_drape_does_not_depend_on_scheme_or_step(cotton_drape, integrator, step, monkeypatch):
+    """With friction in bending, which remembers every swing."""
+    monkeypatch.setattr(cusick, "STEP", step)
+    monkeypatch.setattr(cusick, "RELEASE", round(2.0 / step))
+    drape = cusick.draped(Setup(fabric=library_fabric("cotton"), resolution=5, integrator=integrator), 0)
+    assert drape.settled
+    assert drape.coefficient == pytest.approx(cotton_drape.coefficient, abs=1.0)
+    assert drape.shadow.folds == cotton_drape.shadow.folds
+
+
 @pytest.mark.parametrize("options", [{"angle": 30.0}, {"mesh": "irregular"}])
 def test_specimens_fill_their_rectangle(options):
     cloth = rectangle((-0.1, 0.0), (0.4, 0.1), 0.02, Setup(**options), Fabric())
