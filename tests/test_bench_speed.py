@@ -59,7 +59,7 @@ def test_stages_and_kernels_are_timed(results):
     assert {"frame", "detect", "integrate", "guard", "rest"} <= set(stages)
     assert all(value > 0.0 for value in stages.values())
     kernels = {row["kernel"]: row for row in profile["kernels"]}
-    assert kernels["solve_springs"]["calls"] >= 2.0
+    assert kernels["respond"]["calls"] >= 2.0
     assert [row["frame_ms"] for row in profile["kernels"]] == sorted(k["frame_ms"] for k in kernels.values())[::-1]
 
 

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import warpcloth as wc
+from warpcloth.fabric_library import library_fabric
 from warpcloth.integrators import blocks as blocks_module
-from warpcloth.integrators.blocks import SpringBlocks, phases_of, spring_levels
+from warpcloth.integrators.blocks import SpringBlocks, goes_on, phases_of, spring_levels
 from warpcloth.integrators.colouring import SpringColours
 
 
@@ -76,3 +77,21 @@ def test_what_is_solved_is_what_colours_solve():
         ends.append(sim.state.particle_q.numpy())
     assert np.abs(ends[0] - ends[1]).max() < 1e-12
     assert np.abs(ends[0] - model.particle_q.numpy()).max() > 1e-4
+
+
+def test_lists_that_stay_at_a_particle_are_told():
+    along = np.array([[0, 1], [1, 2], [2, 3], [3, 4]])
+    assert goes_on(along)
+    assert goes_on(along[:1])
+    assert not goes_on(np.array([[5, 6], [0, 1], [2, 0], [0, 3]]))
+    assert goes_on(np.asarray(wc.Cloth.grid((1.0, 1.0), (9, 7)).springs.indices))
+    assert not goes_on(np.asarray(wc.Cloth.disc(0.5, 6).springs.indices))
+
+
+def test_meshes_do_not_blow_up_with_automatic_steps():
+    """A disc that falls; its list of springs has all springs of a particle together."""
+    fabric = library_fabric("silk")
+    disc = wc.Cloth.disc(0.25, 20, fabric, transform=(0, 0, 1))
+    sim = wc.Simulation(wc.Model.build(disc), "xpbd")
+    sim.run(4, fps=24.0)
+    assert sim.metrics()["max_strain"] < 1e-3

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..model import Model
+from .colouring import spring_colours
 
 BLOCK = 512  # particles; 256 and 1,024 are as fast
 
@@ -78,21 +79,36 @@ def block_of_particles(ends: np.ndarray, positions: np.ndarray) -> np.ndarray:
     return best
 
 
+def goes_on(ends: np.ndarray) -> bool:
+    """Whether a list of springs, shape [s, 2], never stays at a particle, as that of a grid, which goes along threads.
+
+    Sweeps in the order of a list that has all springs of a particle together overshoot, and blow up.
+    """
+    first, second, third = ends[:-2], ends[1:-1], ends[2:]
+
+    def has(springs: np.ndarray, particle: np.ndarray) -> np.ndarray:
+        return (springs == particle[:, None]).any(axis=1)
+
+    return not any((has(second, first[:, k]) & has(third, first[:, k])).any() for k in (0, 1))
+
+
 class SpringBlocks:
-    """The springs of a model sorted by phase, block and level.
+    """The springs of a model sorted by phase, block and, within it, by level or, where lists do not go on, by colour.
 
     Attributes:
         order: spring numbers, int, shape [spring_count].
         start: of each phase in ``order``, int, shape [phases + 1].
         ends: particle pairs, a Warp array per phase, vec2i.
         block_start: of each phase, where in it each block begins, and its length; a Warp array each, int32.
+        in_list_order: which springs are solved as if one after the other in the order of the list, bool.
     """
 
     def __init__(self, model: Model):
         self.model = model
         ends = model.spring_indices.numpy().reshape(-1, 2)
-        block, phase = self._blocks(ends)
-        self.order = np.lexsort((spring_levels(ends, model.particle_count), block, phase))
+        block, phase, self.in_list_order = self._blocks(ends)
+        levels, colours = (of(ends, model.particle_count) for of in (spring_levels, spring_colours))
+        self.order = np.lexsort((np.where(self.in_list_order, levels, colours), block, phase))
         phases = int(phase.max(initial=-1)) + 1
         self.start = np.searchsorted(phase[self.order], np.arange(phases + 1))
         self.ends = self.views(model.array(ends[self.order], wp.vec2i))
@@ -105,12 +121,13 @@ class SpringBlocks:
         """The part of each phase in an array in their order, shape [spring_count]."""
         return [whole[a:b] for a, b in pairwise(self.start.tolist())]
 
-    def _blocks(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Block and phase of each spring."""
+    def _blocks(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Block and phase of each spring, and whether the list of its world goes on."""
         world = self.model.particle_world.numpy()
         positions = self.model.particle_q.numpy()
         bounds = np.searchsorted(world, np.arange(self.model.world_count + 1))
         block, phase = (np.zeros(len(ends), np.int64) for _ in range(2))
+        in_order = np.zeros(len(ends), bool)
         springs = np.searchsorted(world[ends[:, 0]], np.arange(self.model.world_count + 1))
         count = 0
         for w, (first, last) in enumerate(pairwise(bounds.tolist())):
@@ -121,5 +138,6 @@ class SpringBlocks:
             low, high = np.sort(of_particle[ends[own] - first], axis=1).T
             block[own] = count + low
             phase[own] = phases_of(low, high)[low]
+            in_order[own] = goes_on(ends[own])
             count += int(of_particle.max(initial=-1)) + 1
-        return block, phase
+        return block, phase, in_order

@@ -48,13 +48,14 @@ class Xpbd(PositionStep):
         super().__init__(model, iterations, warm_start)
         in_blocks = model.device.is_cpu and not model.differentiable
         self.colours: SpringBlocks | SpringColours = SpringBlocks(model) if in_blocks else SpringColours(model)
+        along_threads = isinstance(self.colours, SpringBlocks) and bool(self.colours.in_list_order.all())
         self._order = model.array(self.colours.order, wp.int32)
         whole: dict[str, Any] = {"shape": model.spring_count, "dtype": model.vec3, "device": model.device}
         self._law = wp.zeros(**whole, requires_grad=model.differentiable)
         self.law = self.colours.views(self._law)
         self.force = self.colours.views(wp.zeros(**whole, requires_grad=model.differentiable))
         self.triangles = TriangleColours(model)
-        self.sweep_value = IN_BLOCKS if in_blocks and not self.triangles.numbers else 1.0
+        self.sweep_value = IN_BLOCKS if along_threads and not self.triangles.numbers else 1.0
         for numbers in self.triangles.numbers:
             whole["shape"] = YARNS * len(numbers)
             self.force.append(wp.zeros(**whole, requires_grad=model.differentiable))
