@@ -34,6 +34,26 @@ def passes(up: vec3, a: vec3, b: vec3):
     return 0
 
 
+@wp.func
+def axis_of(
+    i: int, first: int, last: int, fan_spokes: wp.array(dtype=wp.vec2i), particle_from: wp.array(dtype=vec3),
+    particle_to: wp.array(dtype=vec3), moves: int,
+):  # fmt: skip
+    """Mean normal of fan i, of unit length; halfway, where it ``moves``."""
+    x = vector_at(particle_from, i)
+    y = vector_at(particle_to, i)
+    axis = vec3()
+    for k in range(first, last):
+        spokes = pair_at(fan_spokes, k)
+        a = vector_at(particle_from, spokes[0]) - x
+        b = vector_at(particle_from, spokes[1]) - x
+        if moves == 1:
+            a += vector_at(particle_to, spokes[0]) - y
+            b += vector_at(particle_to, spokes[1]) - y
+        axis += wp.cross(a, b)
+    return wp.normalize(axis)
+
+
 @wp.kernel
 def find_flat_fans(
     # Model
@@ -71,16 +91,7 @@ def find_flat_fans(
         return
     x = vector_at(particle_from, i)
     y = vector_at(particle_to, i)
-    axis = vec3()
-    for k in range(first, last):
-        spokes = pair_at(fan_spokes, k)
-        a = vector_at(particle_from, spokes[0]) - x
-        b = vector_at(particle_from, spokes[1]) - x
-        if moves == 1:
-            a += vector_at(particle_to, spokes[0]) - y
-            b += vector_at(particle_to, spokes[1]) - y
-        axis += wp.cross(a, b)
-    axis = wp.normalize(axis)
+    axis = axis_of(i, first, last, fan_spokes, particle_from, particle_to, moves)
     start = pair_at(fan_spokes, first)
     up = wp.cross(axis, vector_at(particle_from, start[0]) - x)
     up_later = wp.cross(axis, vector_at(particle_to, start[0]) - y)

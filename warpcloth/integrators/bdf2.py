@@ -9,7 +9,7 @@ from ..forces import Forces
 from ..launching import copy, fill, launch, only_if
 from ..model import Model
 from ..state import Memory, State
-from .implicit import ImplicitScheme, Stage
+from .implicit import ImplicitEuler, ImplicitScheme, Stage
 
 
 class Bdf2(ImplicitScheme):
@@ -70,19 +70,9 @@ class Bdf2(ImplicitScheme):
 
     def _step_first(self, model: Model, state_in: State, forces: Forces, dt: float) -> None:
         """A step of implicit Euler from ``state_in`` to ``self._first``."""
-        newton, first = self.newton, self._first
-        copy(first.world_time, state_in.world_time)
-        launch(
-            model.kernels.implicit_schemes.stage_base,
-            dim=model.particle_count,
-            inputs=[
-                model.particle_inv_mass, state_in.particle_q, state_in.particle_qd, state_in.particle_f,
-                state_in.particle_q, state_in.particle_qd, dt, 0.0, 0.0,
-            ],
-            outputs=[newton.position_base, newton.velocity_base, first.particle_q, first.particle_qd],
-            device=model.device,
-        )  # fmt: skip
-        newton.solve(first, forces, dt, dt)
+        copy(self._first.world_time, state_in.world_time)
+        self._start(model, state_in, self._first, state_in, dt, ImplicitEuler.stage)
+        self.newton.solve(self._first, forces, dt, dt)
 
     def _recall(self, model: Model, state: State, dt: float) -> None:
         launch(

@@ -76,6 +76,8 @@ def block_of_particles(ends: np.ndarray, positions: np.ndarray) -> np.ndarray:
         phases = int(phases_of(low, high).max(initial=0)) + 1
         if not fewest or phases < fewest:
             best, fewest = blocks, phases
+        if fewest <= 2:
+            break
     return best
 
 
@@ -107,8 +109,10 @@ class SpringBlocks:
         self.model = model
         ends = model.spring_indices.numpy().reshape(-1, 2)
         block, phase, self.in_list_order = self._blocks(ends)
-        levels, colours = (of(ends, model.particle_count) for of in (spring_levels, spring_colours))
-        self.order = np.lexsort((np.where(self.in_list_order, levels, colours), block, phase))
+        turn = np.zeros(len(ends), np.int64)
+        for own, turns_of in ((self.in_list_order, spring_levels), (~self.in_list_order, spring_colours)):
+            turn[own] = turns_of(ends[own], model.particle_count)
+        self.order = np.lexsort((turn, block, phase))
         phases = int(phase.max(initial=-1)) + 1
         self.start = np.searchsorted(phase[self.order], np.arange(phases + 1))
         self.ends = self.views(model.array(ends[self.order], wp.vec2i))

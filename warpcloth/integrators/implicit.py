@@ -81,19 +81,25 @@ class ImplicitScheme(Integrator):
         """Stable at any step."""
         return math.inf
 
-    def _start(self, model: Model, state_in: State, state_out: State, past: State, dt: float) -> None:
+    def _start(
+        self, model: Model, state_in: State, state_out: State, past: State, dt: float, stage: Stage | None = None
+    ) -> None:  # fmt: skip
         newton = self.newton
         base = State(newton.position_base, newton.velocity_base, state_in.particle_f, state_in.world_time)
-        self.launch_base(model, state_in, past, base, state_out, dt)
+        self.launch_base(model, state_in, past, base, state_out, dt, stage)
 
-    def launch_base(self, model: Model, state_in: State, past: State, base: State, state_out: State, dt: float) -> None:
-        """x̄ and v̄ into ``base``, and the guess, which is ``state_in``, into ``state_out``."""
+    def launch_base(
+        self, model: Model, state_in: State, past: State, base: State, state_out: State, dt: float,
+        stage: Stage | None = None,
+    ) -> None:  # fmt: skip
+        """x̄ and v̄ of a stage, None: the scheme's, into ``base`` and the guess, ``state_in``, into ``state_out``."""
+        stage = stage or self.stage
         launch(
             model.kernels.implicit_schemes.stage_base,
             dim=model.particle_count,
             inputs=[
                 model.particle_inv_mass, state_in.particle_q, state_in.particle_qd, state_in.particle_f,
-                past.particle_q, past.particle_qd, dt, self.stage.at_start, self.stage.past,
+                past.particle_q, past.particle_qd, dt, stage.at_start, stage.past,
             ],
             outputs=[base.particle_q, base.particle_qd, state_out.particle_q, state_out.particle_qd],
             device=model.device,
