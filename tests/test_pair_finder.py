@@ -74,6 +74,23 @@ def test_what_is_remembered_does_not_show(finder, seed, stray):
     assert remembered or stray < 0.05  # little of a smooth fold is near anything
 
 
+@settings(max_examples=15)
+@given(seed=st.integers(0, 10**6), share=st.floats(0.0, 0.3))
+def test_a_list_with_holes_misses_nothing(finder, seed, share):
+    """Some particles move in each of many looks, so that pairs are dropped, and holes filled, again and again."""
+    rng = np.random.default_rng(seed)
+    pairs_of = finder[1:]
+    ways = [crumpled(rng)]
+    for _ in range(6):
+        moved = rng.random((len(ways[0]), 1)) < share
+        ways.append(ways[-1] + moved * rng.normal(scale=0.03, size=ways[0].shape))
+    finder[0].forget()
+    remembered = [look(finder[0], *pairs_of, a, b) for a, b in itertools.pairwise(ways)]
+    for (a, b), found in zip(itertools.pairwise(ways), remembered, strict=True):
+        finder[0].forget()
+        assert found == look(finder[0], *pairs_of, a, b)
+
+
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), share=st.floats(0.0, 0.3))
 def test_a_second_look_at_what_changed_is_enough(finder, seed, share):
@@ -170,6 +187,14 @@ def test_pairs_with_common_vertices_are_all_known(columns, rows):
     inner[1:-1, 1:-1] = True
     assert np.array_equal(fans.turns == CLOSED, inner.ravel())
     assert np.array_equal(fans.turns == OPEN, ~inner.ravel())
+
+
+@pytest.mark.parametrize("way", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.5)])
+def test_all_fans_of_a_level_sheet_are_flat(finder, way):
+    u, v = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9))
+    sheet = np.stack([u, v, 0.0 * u], axis=-1).reshape(-1, 3)
+    look(*finder, sheet, sheet + way)
+    assert finder[0].flat.numpy().all()
 
 
 def test_fans_that_are_none_are_told():
