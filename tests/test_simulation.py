@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import warpcloth as wc
@@ -147,6 +147,8 @@ def test_rest_is_seen_and_lost():
     smooth=st.booleans(),
     loop=st.booleans(),
 )
+@example(t=-5e-324, turn=(0.0, 0.0, 0.0), smooth=False, loop=True)
+@example(t=-1e-300, turn=(0.0, 0.0, 0.0), smooth=False, loop=True)
 def test_device_motion_equals_host_motion(t, turn, smooth, loop):
     keys = [(0.0, (0, 0, 0)), (0.7, (1, -1, 0.5), turn), (2.0, (0.2, 0.1, 0), (0, 0, 12.0))]
     motion = wc.Motion.keyframes(keys, interpolation="smooth" if smooth else "linear", loop=loop)

@@ -1,5 +1,6 @@
 """The pages in a real browser; the server runs in this process, so that tests see into it."""
 
+import threading
 import time
 import urllib.request
 
@@ -40,9 +41,8 @@ def test_the_page_in_a_browser(chromium, session, page, tmp_path):
     browser = Browser(chromium, page)
     session.play()
     until(lambda: session.snapshot.time > 0.2 and page.updates > 5)
+    browser.take(lambda: points(session)[60], lambda: browser.who in session.stage.hands)
     middle = points(session)[60].astype(float)
-    browser.press(middle)
-    until(lambda: browser.who in session.stage.hands)
     browser.drag(np.add(middle, (-0.2, -0.1, 0.1)))
     grab = session.stage.hands[browser.who]
     until(lambda: np.linalg.norm(grab.target - middle) > 0.1 and np.linalg.norm(grab.point - grab.target) < 0.1)
@@ -61,9 +61,10 @@ def test_the_page_in_a_browser(chromium, session, page, tmp_path):
     session.wait()
     time.sleep(2.0)
     browser.page.screenshot(path=tmp_path / "gizmo.png", timeout=120_000)
-    browser.press((0.92, 0.0, 0.5))
+    led = session.stage.led["ball"]
+    browser.take(lambda: (0.92, 0.0, 0.5), lambda: np.abs(led.hand[:3]).max() > 0.0)
     browser.drag((1.2, 0.0, 0.5))
-    until(lambda: np.abs(session.stage.led["ball"].hand[:3]).max() > 0.05)
+    until(lambda: np.abs(led.hand[:3]).max() > 0.05)
     browser.page.mouse.up()
     before = session.snapshot.obstacles["ball"][0].copy()
     browser.button("Next frame")
@@ -92,8 +93,7 @@ def test_two_browsers_one_that_reloads_and_one_that_vanishes(chromium, session, 
     one, other = Browser(chromium, page), Browser(chromium, page)
     session.play()
     until(lambda: session.snapshot.time > 0.1)
-    other.press(points(session)[60])
-    until(lambda: other.who in session.stage.hands)
+    other.take(lambda: points(session)[60], lambda: other.who in session.stage.hands)
     one.page.reload()
     one.page.wait_for_selector("canvas", timeout=90_000)
     other.page.close()  # with the mouse down
@@ -102,6 +102,25 @@ def test_two_browsers_one_that_reloads_and_one_that_vanishes(chromium, session, 
     until(lambda: session.snapshot.time > now + 0.2)
     assert session.snapshot.error == ""
     one.page.close()
+
+
+def test_controls_follow_the_settings_but_not_while_a_change_waits(session, page):
+    session.wait()
+    held, wind = threading.Event(), page._panel._controls["wind"]
+    session._order(held.wait)  # the session is busy
+    before = session.snapshot
+    wind.value = (0.0, 0.0, 6.0)
+    session.change(wind=wind.value)
+    page._panel._follow(before)
+    assert wind.value == (0.0, 0.0, 6.0)
+    held.set()
+    session.wait()
+    page._panel._follow(session.snapshot)
+    assert wind.value == session.stage.settings.wind == (0.0, 0.0, 6.0)
+    session.change(wind=(np.nan, 0.0, 0.0))  # refused
+    wind.value = (1.0, 0.0, 0.0)
+    session.wait()
+    until(lambda: wind.value == (0.0, 0.0, 6.0))
 
 
 def test_the_page_listens_on_loopback_only(page):

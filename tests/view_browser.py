@@ -73,6 +73,16 @@ class Browser:
             self.page.mouse.move(x + 3 * k, y)
             time.sleep(0.05)
 
+    def take(self, place, taken):
+        """Presses at ``place()`` until ``taken()``: a page that is still being drawn does not feel the first one."""
+        for _ in range(8):
+            self.press(place())
+            try:
+                return until(taken, 5.0)
+            except AssertionError:
+                self.page.mouse.up()
+        raise AssertionError("nothing was taken")
+
     def drag(self, place):
         """To another point, with the mouse down."""
         self.page.mouse.move(*self.pixel(place), steps=8)

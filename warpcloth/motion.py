@@ -101,7 +101,9 @@ class Motion:
 
     def keys_at(self, t: float) -> tuple[np.ndarray, np.ndarray]:
         """Displacement [m] and rotation vector [rad] at time ``t`` [s], shape [3] each."""
-        time = float(t) % self.times[-1] if self.loop else float(t)
+        period = float(self.times[-1])
+        turns = np.floor(float(t) / period) if self.loop else 0  # as kernels/motion.py has it, to the last bit
+        time = float(t) - float(turns) * period
         segment = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, max(0, self.times.size - 2)))
         if self.times.size == 1:
             return self.positions[0], self.rotations[0]

@@ -38,6 +38,7 @@ class Panel:
         show_gizmos: Callable[[bool], None],
     ):
         self._gui, self._session, self._updates = server.gui, session, 0
+        self._loop = server.get_event_loop()
         self._status = server.gui.add_markdown("")
         acts: dict[str, tuple[str, Callable[[Any], None]]] = {
             "Play": ("P", lambda _: session.toggle()),
@@ -93,7 +94,7 @@ class Panel:
                 ),
             }
 
-    def _changed(self, name: str, event: Any) -> None:
+    async def _changed(self, name: str, event: Any) -> None:  # at once, before anything can set the control back
         if event.client is not None:  # not when we set it ourselves
             value = event.target.value
             self._session.change(**{name: int(value) if name == "substeps" else value})
@@ -103,14 +104,15 @@ class Panel:
         self._buttons["Play"].label = "Pause" if snapshot.status == "playing" else "Play"
         self._buttons["Record"].label = "Stop recording" if snapshot.recording else "Record"
         self._status.content = describe(snapshot)
-        self._follow(snapshot)
+        self._loop.call_soon_threadsafe(self._follow, snapshot)  # not while somebody's change is being taken
         if self._updates % PLOT_EVERY == 0:
             self._plot.show(snapshot.energies)
         self._updates += 1
 
     def _follow(self, snapshot: Snapshot) -> None:
         """Controls show the settings in force, e.g. after a reset or a refused change."""
-        if snapshot.status != "playing" and snapshot.settings is not None:
+        latest = snapshot.changes == self._session.changes
+        if latest and snapshot.status != "playing" and snapshot.settings is not None:
             for name, control in self._controls.items():
                 value = getattr(snapshot.settings, name)
                 if control.value != value:

@@ -94,7 +94,7 @@ class PlaybackPage:
         """Colours by fabric, or by a measure on a scale that the whole shot shares."""
         self.coloring, self.shown = Coloring(name, self.playback), -1
 
-    def _sought(self, event: Any) -> None:
+    async def _sought(self, event: Any) -> None:  # at once: the next tick sets the slider back
         if event.client is not None:  # not when we set it ourselves
             self.player.seek(int(event.target.value))
 

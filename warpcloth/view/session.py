@@ -32,6 +32,9 @@ class Session:
     Args:
         scene: what to simulate. fps: frames per simulated second.
 
+    Attributes:
+        snapshot: what there is to see. changes: how many changes of settings have been ordered.
+
     Raises:
         WarpclothError: the scene cannot be simulated at all.
     """
@@ -47,6 +50,7 @@ class Session:
         self._number, self._frames, self._substeps = 0, 0, 0
         self._pace = Pace()
         self._wanted: dict[str, Any] = {}
+        self.changes, self._taken = 0, 0
         self._wanted_lock = threading.Lock()
         self._plotted: dict[str, np.ndarray] = {}
         self._energies: deque[dict[str, float]] = deque(maxlen=HISTORY)
@@ -87,6 +91,7 @@ class Session:
         """Changes :class:`Settings`; the cloth goes on from where it is."""
         with self._wanted_lock:
             ordered, self._wanted = bool(self._wanted), self._wanted | values
+            self.changes += 1
         if not ordered:  # else the order that is under way takes these along: a slider gives many
             self._order(self._change)
 
@@ -215,6 +220,7 @@ class Session:
     def _change(self) -> None:
         with self._wanted_lock:
             values, self._wanted = self._wanted, {}
+            self._taken = self.changes
         before = self.stage.settings
         wanted = before.changed(**values)
         if wanted == before:
@@ -290,6 +296,7 @@ class Session:
             energies=self._plotted,
             recording=self._path.name if self._writer is not None else "",
             settings=stage.settings,
+            changes=self._taken,
             pinned=points[held],
             message=self._message,
         )

@@ -18,7 +18,8 @@ class Snapshot:
         pace: simulated over wall time, of the last second. substeps: of a frame, 0 before the first.
         slices: parts that frames are simulated and shown in.
         energies: times [s] and energies [J] by name, of the last frames.
-        recording: file being written. settings: in force. pinned: points that are held [m], shape [k, 3].
+        recording: file being written. settings: in force. changes: orders that they come after.
+        pinned: points that are held [m], shape [k, 3].
         message: the latest remark.
     """
 
@@ -35,5 +36,6 @@ class Snapshot:
     energies: dict[str, np.ndarray] = field(default_factory=dict)
     recording: str = ""
     settings: Settings | None = None
+    changes: int = 0
     pinned: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     message: str = ""
