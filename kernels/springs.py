@@ -4,6 +4,7 @@ import sys
 
 import warp as wp
 
+from .lanes import LANES
 from .precision import OPTIONS, real, vec3
 from .spring_law import spring_energy, spring_force
 
@@ -101,3 +102,30 @@ def arrange_law(
     s = spring_order[j]
     r = spring_rest_length[s]
     spring_law_out[j] = vec3(r, spring_stiffness[s] / r, spring_damping[s] / r)
+
+
+@wp.kernel
+def arrange_lanes(
+    # Model
+    thread_offset: int,
+    lane_spring: wp.array(dtype=wp.int32),
+    spring_rest_length: wp.array(dtype=real),
+    spring_stiffness: wp.array(dtype=real),
+    spring_damping: wp.array(dtype=real),
+    # Out
+    law_out: wp.array(dtype=real),
+):
+    """r [m], k_s/r [N/m] and k_d/r [N s/m] of an entry's lanes, eight of each in turn; zeros for −1, no spring."""
+    n = thread_offset + wp.tid()
+    at = 3 * LANES * (n // LANES) + n % LANES
+    s = lane_spring[n]
+    r = real(0.0)
+    k_s = real(0.0)
+    k_d = real(0.0)
+    if s >= 0:
+        r = spring_rest_length[s]
+        k_s = spring_stiffness[s] / r
+        k_d = spring_damping[s] / r
+    law_out[at] = r
+    law_out[at + LANES] = k_s
+    law_out[at + 2 * LANES] = k_d

@@ -79,7 +79,8 @@ def take_worlds(
     state.particle_qd.assign(other.particle_qd.numpy()[kept])
     state.world_time.assign(other.world_time.numpy()[worlds])
     for own, item in zip(memory, known, strict=False):
-        own.array.assign(item.array.numpy()[worlds if item.particle is None else kept[item.particle]])
+        if len(own.array):
+            own.array.assign(item.array.numpy()[worlds if item.particle is None else kept[item.particle]])
 
 
 def words(array: wp.array) -> wp.array:

@@ -12,13 +12,14 @@ class SpringRows:
     """Rows of springs, and copies of their properties that :meth:`arrange` brings up to date.
 
     Args:
-        model: the model. ranges: into how many equal ranges of particles launches are cut.
+        model: the model. springs: which of its springs, int. ranges: into how many equal ranges of particles launches
+            are cut.
     """
 
-    def __init__(self, model: Model, ranges: int):
+    def __init__(self, model: Model, springs: np.ndarray, ranges: int):
         self.model = model
         count = model.particle_count
-        ends = np.sort(model.spring_indices.numpy().reshape(-1, 2), axis=1)
+        ends = np.sort(model.spring_indices.numpy().reshape(-1, 2)[springs], axis=1)
         order = np.lexsort((ends[:, 1], ends[:, 0]))
         first, other = ends[order].T
         bounds = np.array([count * k // ranges for k in range(ranges + 1)])
@@ -30,7 +31,7 @@ class SpringRows:
         self._receiver = model.array(receivers, wp.int32)
         self._receiver_start = model.array(len(order) + np.array([*begins, len(again)]), wp.int32)
         self._other = model.array(np.concatenate([np.where(beyond, -1 - other, other), first[again]]), wp.int32)
-        self._spring = model.array(np.concatenate([order, order[again]]), wp.int32)
+        self._spring = model.array(springs[np.concatenate([order, order[again]])], wp.int32)
         self._law = wp.zeros(len(order) + len(again), dtype=model.vec3, device=model.device)
         self.arrange()
 

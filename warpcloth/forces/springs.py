@@ -1,5 +1,6 @@
 """The springs of the model as a force term."""
 
+import numpy as np
 import warp as wp
 
 from .. import validate
@@ -7,7 +8,9 @@ from ..launching import launch
 from ..model import Model
 from ..state import State
 from .base import Linearization
+from .lanes import in_lanes
 from .spring_rows import SpringRows
+from .spring_tiles import SpringTiles, arranged
 
 ASSEMBLIES = ("scatter", "gather")
 
@@ -19,7 +22,8 @@ class Springs:
         model: the model whose springs these are.
         assembly: "scatter" (one thread per spring, atomic adds) or "gather" (one thread per particle, fixed order:
             bitwise repeatable on a GPU too).
-        ranges: into how many ranges launches may be cut on the CPU, where what scatters then goes row by row
+        ranges: into how many ranges launches may be cut on the CPU, where what scatters then goes eight springs at a
+            time (:class:`~warpcloth.forces.spring_tiles.SpringTiles`) or, in worlds that do not fit that, row by row
             (:class:`~warpcloth.forces.spring_rows.SpringRows`); None: none.
 
     Raises:
@@ -32,18 +36,23 @@ class Springs:
         self.model = model
         self.assembly = validate.choice(assembly, ASSEMBLIES, "assembly")
         in_rows = self.assembly == "scatter" and model.device.is_cpu and not model.differentiable
-        self._rows = SpringRows(model, ranges) if ranges and in_rows and model.spring_count > 0 else None
+        self._parts: list[SpringTiles | SpringRows] = []
+        if ranges and in_rows:
+            lanes, left = in_lanes(model, arranged)
+            self._parts += [SpringTiles(model, lanes, ranges)] if len(lanes.entry) else []
+            self._parts += [SpringRows(model, np.flatnonzero(left), ranges)] if left.any() else []
         self.velocity_dependent = bool(model.spring_damping.numpy().any())
 
     def prepare(self) -> None:
         """Takes over properties of springs that have changed."""
-        if self._rows is not None:
-            self._rows.arrange()
+        for part in self._parts:
+            part.arrange()
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds spring forces [N] to ``state.particle_f``."""
-        if self._rows is not None:
-            self._rows.accumulate(state)
+        for part in self._parts:
+            part.accumulate(state)
+        if self._parts:
             return
         model = self.model
         kernel, dim = model.kernels.springs.scatter_forces, model.spring_count

@@ -47,15 +47,15 @@ def splitting_step(recording: Recording, scheme: Splitting, model: Model, start:
 
 
 def xpbd_step(recording: Recording, scheme: Xpbd, model: Model, start: State, end: State, dt: float) -> None:
-    """Colours are solved in place, one after the other."""
+    """Parts of a sweep are solved in place, one after the other."""
     again = copy.copy(scheme)
     again.inertial, again.displacement = (wp.zeros_like(scheme.inertial, requires_grad=True) for _ in range(2))
     with recording:
         recording.forces.evaluate(start, without=again.solved_forces)
         again.predict(model, start, end, dt)
     for iteration in range(again.iterations):
-        for colour, force in enumerate(again.force):
-            solve = partial(again.solve_colour, model, start.particle_q, dt, iteration, colour)
+        for part, force in enumerate(again.force):
+            solve = partial(again.solve_part, model, start.particle_q, dt, iteration, part)
             recording.in_place(solve, [again.displacement, force])
     with recording:
         again.finish(model, start, end, again.displacement, dt)

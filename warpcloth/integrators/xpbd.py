@@ -10,11 +10,9 @@ from ..forces import Forces
 from ..launching import fill, launch
 from ..model import YARNS, Model
 from ..state import Memory, State
-from .blocks import SpringBlocks
-from .colouring import SpringColours, TriangleColours
+from .colouring import TriangleColours
 from .position_step import PositionStep
-
-IN_BLOCKS = 1.16  # sweeps by colours that one in blocks is worth on hanging grids
+from .spring_sweeps import spring_sweeps
 
 
 class Xpbd(PositionStep):
@@ -46,73 +44,60 @@ class Xpbd(PositionStep):
 
     def __init__(self, model: Model, *, iterations: int = 1, warm_start: float = 0.5):
         super().__init__(model, iterations, warm_start)
-        in_blocks = model.device.is_cpu and not model.differentiable
-        self.colours: SpringBlocks | SpringColours = SpringBlocks(model) if in_blocks else SpringColours(model)
-        along_threads = isinstance(self.colours, SpringBlocks) and bool(self.colours.in_list_order.all())
-        self._order = model.array(self.colours.order, wp.int32)
-        whole: dict[str, Any] = {"shape": model.spring_count, "dtype": model.vec3, "device": model.device}
-        self._law = wp.zeros(**whole, requires_grad=model.differentiable)
-        self.law = self.colours.views(self._law)
-        self.force = self.colours.views(wp.zeros(**whole, requires_grad=model.differentiable))
+        self.sweeps = spring_sweeps(model)
+        self._parts = [(sweep, part) for sweep in self.sweeps for part in range(len(sweep.forces))]
         self.triangles = TriangleColours(model)
-        self.sweep_value = IN_BLOCKS if along_threads and not self.triangles.numbers else 1.0
-        for numbers in self.triangles.numbers:
-            whole["shape"] = YARNS * len(numbers)
-            self.force.append(wp.zeros(**whole, requires_grad=model.differentiable))
-        self.read_springs(model)
+        sizes = [YARNS * len(numbers) for numbers in self.triangles.numbers]
+        whole: dict[str, Any] = {"dtype": model.vec3, "device": model.device, "requires_grad": model.differentiable}
+        self._triangle_force = wp.zeros(sum(sizes), **whole)
+        ends = np.cumsum(sizes).tolist()
+        self._triangle_forces = [self._triangle_force[end - size : end] for end, size in zip(ends, sizes, strict=True)]
+
+    @property
+    def force(self) -> list[wp.array]:
+        """Forces of the previous step [N], an array for each part of a sweep."""
+        return [*(sweep.forces[part] for sweep, part in self._parts), *self._triangle_forces]
 
     def read_springs(self, model: Model) -> None:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
-        launch(
-            model.kernels.springs.arrange_law,
-            dim=model.spring_count,
-            inputs=[self._order, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
-            outputs=[self._law],
-            device=model.device,
-        )
+        for sweep in self.sweeps:
+            sweep.read_springs()
 
     def reset(self) -> None:
         """Forgets the spring forces of the previous step."""
         super().reset()
-        for force in self.force:
-            fill(force)
+        for sweep in self.sweeps:
+            sweep.reset()
+        fill(self._triangle_force)
 
     def memory(self) -> Sequence[Memory]:
-        """The spring forces of the previous step, besides what they did."""
-        ends = [colour.numpy()[:, 0] for colour in self.colours.ends]
-        ends += [np.repeat(corner, YARNS) for corner in self.triangles.corner]
-        return [*super().memory(), *map(Memory, self.force, ends)]
+        """The spring forces of the previous step, besides what they did; those in lanes last, as not all models have
+        them."""
+        corners = np.concatenate([np.zeros(0, int), *(np.repeat(corner, YARNS) for corner in self.triangles.corner)])
+        springs = [sweep.memory() for sweep in reversed(self.sweeps)]
+        return [*super().memory(), Memory(self._triangle_force, corners), *springs]
 
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations
         for iteration in range(self.iterations):
-            for colour in range(len(self.force)):
-                self.solve_colour(model, state_in.particle_q, dt, iteration, colour)
+            for part in range(len(self.force)):
+                self.solve_part(model, state_in.particle_q, dt, iteration, part)
         return self.displacement
 
-    def solve_colour(self, model: Model, start: wp.array, dt: float, iteration: int, colour: int) -> None:
-        """The springs or triangles of one colour, in a step of dt [s] from positions ``start``; changes their forces
-        and ``displacement`` in place."""
+    def solve_part(self, model: Model, start: wp.array, dt: float, iteration: int, part: int) -> None:
+        """The springs or triangles of one part of a sweep, in a step of dt [s] from positions ``start``; changes their
+        forces and ``displacement`` in place."""
         kept = self.warm_start if iteration == 0 else 1.0
-        if colour >= len(self.law):
-            triangles = self.triangles.numbers[colour - len(self.law)]
-            launch(
-                model.kernels.woven_xpbd.solve_triangles,
-                dim=len(triangles),
-                inputs=[triangles, model.woven, model.particle_inv_mass, start, dt, kept],
-                outputs=[self.displacement, self.force[colour]],
-                device=model.device,
-            )
+        if part < len(self._parts):
+            sweep, own = self._parts[part]
+            sweep.solve(own, start, dt, kept, self.displacement)
             return
-        ends = self.colours.ends[colour]
-        kernel, dim, blocks = model.kernels.xpbd.solve_springs, len(ends), list[wp.array]()
-        if self.colours.block_start:
-            blocks = [self.colours.block_start[colour]]
-            kernel, dim = model.kernels.xpbd_blocks.solve_blocks, len(blocks[0]) - 1
+        colour = part - len(self._parts)
+        triangles = self.triangles.numbers[colour]
         launch(
-            kernel,
-            dim=dim,
-            inputs=[*blocks, ends, self.law[colour], model.particle_inv_mass, start, dt, kept],
-            outputs=[self.displacement, self.force[colour]],
+            model.kernels.woven_xpbd.solve_triangles,
+            dim=len(triangles),
+            inputs=[triangles, model.woven, model.particle_inv_mass, start, dt, kept],
+            outputs=[self.displacement, self._triangle_forces[colour]],
             device=model.device,
         )

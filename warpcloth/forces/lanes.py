@@ -1,0 +1,76 @@
+"""Which springs the CPU works on eight at once: see ``kernels/spring_tiles.py``."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ..model import Model
+
+SMALLEST_BLOCK = 512  # particles that one thread has at a time
+FURTHEST = 4096  # numbers that a spring may lead further: bounds each thread's memory
+LEAST_FILL = 0.4  # springs in a lane, below which one by one is faster
+
+
+class Lanes(NamedTuple):
+    """Springs in lanes, entry after entry.
+
+    Attributes:
+        block: particles of each block, first and last (not included): of what it reaches, and maybe more; int.
+        entry: block, first particle, and how much further the springs lead, int, shape [e, 3].
+        lane_spring: which spring is in a lane, −1: none; int, shape [e, lanes].
+    """
+
+    block: np.ndarray
+    entry: np.ndarray
+    lane_spring: np.ndarray
+
+
+def springs_by_world(model: Model) -> list[tuple[np.ndarray, int, int]]:
+    """Of each world the numbers of its springs, in rising order, and its first and last particle (not included)."""
+    world = model.particle_world.numpy()
+    of_spring = world[model.spring_indices.numpy().reshape(-1, 2)[:, 0]]
+    bounds = np.arange(model.world_count + 1)
+    particles = pairwise(np.searchsorted(world, bounds).tolist())
+    order = np.argsort(of_spring, kind="stable")
+    springs = np.split(order, np.searchsorted(of_spring[order], bounds[1:-1]))
+    return [(own, first, last) for own, (first, last) in zip(springs, particles, strict=True)]
+
+
+def in_lanes(model: Model, arrange: Callable[[np.ndarray, int, int, int], Lanes | None]) -> tuple[Lanes, np.ndarray]:
+    """Springs of the worlds where it pays.
+
+    Args:
+        model: the model.
+        arrange: what makes lanes of one world's springs (their particles, as the model lists them; the first and last
+            particle of the world; how many lanes); None: not these.
+
+    Returns:
+        The lanes of all those worlds, and which springs of the model are not in them, bool.
+    """
+    count, ends = model.kernels.lanes.LANES, model.spring_indices.numpy().reshape(-1, 2)
+    left, parts, blocks = np.ones(len(ends), bool), [], 0
+    for springs, first, last in springs_by_world(model):
+        if len(springs) == 0 or int(np.ptp(ends[springs], axis=1).max()) > FURTHEST:
+            continue
+        part = arrange(ends[springs], first, last, count)
+        if part is None or len(springs) < LEAST_FILL * part.lane_spring.size:
+            continue
+        left[springs] = False
+        lane_spring = np.where(part.lane_spring < 0, -1, springs[part.lane_spring])
+        parts.append(Lanes(part.block, part.entry + np.array([blocks, 0, 0]), lane_spring))
+        blocks += len(part.block)
+    if not parts:
+        return Lanes(np.zeros((0, 4), int), np.zeros((0, 3), int), np.zeros((0, count), int)), left
+    return Lanes(*map(np.concatenate, zip(*parts, strict=True))), left
+
+
+def copies(ends: np.ndarray) -> np.ndarray:
+    """How many springs before a spring join the same particles, shape [s], for ends in rising order, shape [s, 2]."""
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    begins = np.r_[True, (np.diff(ends[order], axis=0) != 0).any(axis=1)]
+    place = np.arange(len(ends))
+    copy = np.empty(len(ends), np.int64)
+    copy[order] = place - np.maximum.accumulate(np.where(begins, place, 0))
+    return copy

@@ -1,0 +1,86 @@
+"""Forces of springs in lanes; see ``kernels/spring_tiles.py``."""
+
+import numpy as np
+import warp as wp
+
+from ..launching import launch
+from ..model import Model
+from ..state import State
+from . import lanes as lanes_module
+from .lanes import Lanes, copies
+
+BLOCK_TO_REACH = 4  # particles, so that no more than a quarter of the springs is evaluated twice
+
+
+def arranged(listed: np.ndarray, first: int, last: int, lanes: int) -> Lanes:
+    """Springs of one world, tile by tile, the furthest first, those that lead into a block from before among its own.
+
+    Blocks are told by the first and last particle of what they read, and of what is their own, shape [b, 4]. Arguments
+    as for :func:`~warpcloth.forces.lanes.in_lanes`.
+    """
+    ends = np.sort(listed, axis=1)
+    near, far = ends.T
+    reach = int((far - near).max())
+    size = max(lanes_module.SMALLEST_BLOCK, -(-BLOCK_TO_REACH * reach // lanes) * lanes)  # whole tiles
+    begins = np.arange(first, last, size)
+    stops = np.minimum(begins + size, last)
+    before = -(-reach // lanes) * lanes
+    block = np.stack([np.maximum(begins - before, first), np.minimum(stops + reach, last), begins, stops], axis=1)
+    own = (near - first) // size
+    again = np.flatnonzero((far - first) // size != own)
+    spring = np.concatenate([np.arange(len(ends)), again])
+    of_block = np.concatenate([own, (far[again] - first) // size])
+    particle = near[spring]
+    lane = (particle - first) % lanes
+    key = np.stack([of_block, particle - lane, (near - far)[spring], copies(ends)[spring]], axis=1)
+    entry, of_key = np.unique(key, axis=0, return_inverse=True)
+    lane_spring = np.full((len(entry), lanes), -1)
+    lane_spring[of_key.reshape(-1), lane] = spring
+    return Lanes(block, entry[:, :3] * (1, 1, -1), lane_spring)
+
+
+class SpringTiles:
+    """Springs in lanes, and copies of their properties that :meth:`arrange` brings up to date.
+
+    Args:
+        model: the model. lanes: its springs. ranges: how many threads may sum forces at the same time.
+    """
+
+    def __init__(self, model: Model, lanes: Lanes, ranges: int):
+        self.model, self._kernels = model, model.kernels.spring_tiles
+        block, entry, lane_spring = lanes
+        tile, first_entry = np.unique(entry[:, :2], axis=0, return_index=True)
+        bounds = np.searchsorted(tile[:, 0], np.arange(len(block) + 1))
+        self._tiles = self._kernels.Tiles()
+        self._tiles.block = model.array(np.column_stack([bounds[:-1], bounds[1:], block]), wp.int32)
+        self._tiles.particle = model.array(tile[:, 1], wp.int32)
+        self._tiles.start = model.array(np.append(first_entry, len(entry)), wp.int32)
+        self._tiles.offset = model.array(entry[:, 2], wp.int32)
+        slots = min(ranges, len(block))
+        self._slot_start = model.array([len(block) * k // slots for k in range(slots + 1)], wp.int32)
+        room = int((block[:, 1] - block[:, 0]).max()) + 2 * lane_spring.shape[1]
+        self._memory = wp.zeros((slots, self._kernels.ROWS * room), dtype=model.real, device=model.device)
+        self._lane_spring = model.array(lane_spring.reshape(-1), wp.int32)
+        self._law = wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device)
+        self.arrange()
+
+    def arrange(self) -> None:
+        """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
+        model = self.model
+        launch(
+            model.kernels.springs.arrange_lanes,
+            dim=len(self._lane_spring),
+            inputs=[self._lane_spring, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
+            outputs=[self._law],
+            device=model.device,
+        )
+
+    def accumulate(self, state: State) -> None:
+        """Adds spring forces [N] to ``state.particle_f``."""
+        launch(
+            self._kernels.pull_blocks,
+            dim=len(self._slot_start) - 1,
+            inputs=[self._tiles, self._slot_start, self._law, state.particle_q, state.particle_qd],
+            outputs=[self._memory, state.particle_f],
+            device=self.model.device,
+        )

@@ -1,0 +1,145 @@
+"""The springs of grids, arranged for the CPU to solve eight at once; see ``kernels/xpbd_tiles.py``."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import warp as wp
+
+from ..forces import lanes as lanes_module
+from ..forces.lanes import Lanes, copies
+from ..launching import fill, launch
+from ..model import Model
+from ..program import cores
+from ..state import Memory
+
+BLOCK_TO_REACH = 2  # particles; at least 1, so that every other block can be solved at the same time
+PHASES = 2
+
+
+def goes_on(ends: np.ndarray) -> bool:
+    """Whether a list of springs, shape [s, 2], never stays at a particle, as that of a grid, which goes along threads.
+
+    Sweeps in the order of a list that has all springs of a particle together overshoot, and blow up.
+    """
+    first, second, third = ends[:-2], ends[1:-1], ends[2:]
+
+    def has(springs: np.ndarray, particle: np.ndarray) -> np.ndarray:
+        return (springs == particle[:, None]).any(axis=1)
+
+    return not any((has(second, first[:, k]) & has(third, first[:, k])).any() for k in (0, 1))
+
+
+def arranged(listed: np.ndarray, first: int, last: int, lanes: int) -> Lanes | None:
+    """Springs of one world in lanes, such that no two of an entry share a particle; None if the list does not go on.
+
+    Entries come in the order of the list, by the first spring that they have. Blocks are told by the first and last
+    particle of what they reach, and by the phase in which they are solved, shape [b, 3]. Arguments as for
+    :func:`~warpcloth.forces.lanes.in_lanes`.
+    """
+    if not goes_on(listed):
+        return None
+    ends = np.sort(listed, axis=1)
+    near, far = ends.T
+    reach = int((far - near).max())
+    size = max(lanes_module.SMALLEST_BLOCK, -(-BLOCK_TO_REACH * reach // lanes) * lanes)
+    begins = np.arange(first, last, size)
+    block = np.stack([begins, np.minimum(begins + size + reach, last), np.arange(len(begins)) % PHASES], axis=1)
+    lane = (near - first) % lanes
+    apart = lane // np.maximum(far - near, 1) % 2  # springs that end where those of other lanes begin
+    key = np.stack([(near - first) // size, near - lane, far - near, apart, copies(ends)], axis=1)
+    entry, of_spring = np.unique(key, axis=0, return_inverse=True)
+    of_spring = of_spring.reshape(-1)
+    lane_spring = np.full((len(entry), lanes), -1)
+    lane_spring[of_spring, lane] = np.arange(len(ends))
+    earliest = np.full(len(entry), len(ends))
+    np.minimum.at(earliest, of_spring, np.arange(len(ends)))
+    order = np.lexsort((earliest, entry[:, 0]))
+    return Lanes(block, entry[order, :3], lane_spring[order])
+
+
+@dataclass
+class Phase:
+    """Blocks that are solved at the same time; attributes as the kernel has them, and the entries in the whole."""
+
+    slot_start: wp.array
+    block: wp.array
+    entry: wp.array
+    law: wp.array
+    force: wp.array
+
+
+class TileSweep:
+    """A sweep of XPBD over springs in lanes; its parts are phases.
+
+    Args:
+        model: the model. lanes: its springs in the order of :func:`arranged`, at least one.
+
+    Attributes:
+        forces: of the springs in the step before [N], as lanes, an array for each part.
+    """
+
+    def __init__(self, model: Model, lanes: Lanes):
+        self._model, self._kernels = model, model.kernels.xpbd_tiles
+        phase = lanes.block[lanes.entry[:, 0], 2]
+        order = np.argsort(phase, kind="stable")
+        entry, lane_spring = lanes.entry[order], lanes.lane_spring[order]
+        self._lane_spring = model.array(lane_spring.reshape(-1), wp.int32)
+        self._particle = np.repeat(entry[:, 1], 3 * lane_spring.shape[1])
+        self._law, self._force = (
+            wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device) for _ in range(2)
+        )
+        bounds = np.searchsorted(phase[order], np.arange(PHASES + 1)).tolist()
+        wide = 3 * lane_spring.shape[1]
+        self._phases = [
+            self._phase(lanes.block, entry[a:b], self._law[wide * a : wide * b], self._force[wide * a : wide * b])
+            for a, b in pairwise(bounds)
+            if a < b
+        ]
+        self.forces = [part.force for part in self._phases]
+        room = int((lanes.block[:, 1] - lanes.block[:, 0]).max()) + 2 * lane_spring.shape[1]
+        slots = max(len(part.slot_start) - 1 for part in self._phases)
+        self._memory = wp.zeros((slots, self._kernels.ROWS * room), dtype=model.real, device=model.device)
+        self.read_springs()
+
+    def _phase(self, block: np.ndarray, entry: np.ndarray, law: wp.array, force: wp.array) -> Phase:
+        model = self._model
+        own, begins = np.unique(entry[:, 0], return_index=True)
+        rows = np.column_stack([begins, np.append(begins[1:], len(entry)), block[own, :2]])
+        slots = min(cores(), len(own))
+        starts = [len(own) * k // slots for k in range(slots + 1)]
+        steps = np.column_stack([entry[:, 1], entry[:, 2]])
+        return Phase(
+            model.array(starts, wp.int32), model.array(rows, wp.int32), model.array(steps, wp.vec2i), law, force
+        )  # fmt: skip
+
+    def read_springs(self) -> None:
+        """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
+        model = self._model
+        launch(
+            model.kernels.springs.arrange_lanes,
+            dim=len(self._lane_spring),
+            inputs=[self._lane_spring, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
+            outputs=[self._law],
+            device=model.device,
+        )
+
+    def reset(self) -> None:
+        """Forgets the forces of the step before."""
+        fill(self._force)
+
+    def memory(self) -> Memory:
+        """The forces of the step before."""
+        return Memory(self._force, self._particle)
+
+    def solve(self, part: int, start: wp.array, dt: float, kept: float, displacement: wp.array) -> None:
+        """Solves the springs of one part, in a step of dt [s] from positions ``start``; changes their forces and
+        ``displacement`` in place. ``kept`` is the share of the forces that the displacements contain."""
+        own = self._phases[part]
+        launch(
+            self._kernels.solve_tiles,
+            dim=len(own.slot_start) - 1,
+            inputs=[own.slot_start, own.block, own.entry, own.law, self._model.particle_inv_mass, start, dt, kept],
+            outputs=[self._memory, displacement, own.force],
+            device=self._model.device,
+        )
