@@ -74,6 +74,7 @@ def scatter_products(
 @wp.kernel
 def product_moments(
     # Model
+    thread_offset: int,
     elements: BendingModel,
     # State in
     slip: wp.array(dtype=real),
@@ -85,13 +86,14 @@ def product_moments(
     moments_out: wp.array(dtype=Moments),
 ):
     """Moments of (a K + b C) x, for :func:`gather_products`."""
-    e = wp.tid()
+    e = thread_offset + wp.tid()
     moments_out[e] = element_tangent(elements, e, slip, particle_q, x, a, b)
 
 
 @wp.kernel
 def gather_products(
     # Model
+    thread_offset: int,
     elements: BendingModel,
     row_start: wp.array(dtype=wp.int32),
     row_entry: wp.array(dtype=wp.int32),
@@ -101,14 +103,14 @@ def gather_products(
     # Out
     product_out: wp.array(dtype=vec3),
 ):
-    """Adds (a K + b C) x, one thread per particle, entries in a fixed order."""
-    i = wp.tid()
-    total = vec3()
+    """Adds (a K + b C) x, one thread per particle: to the sums of :func:`scatter_products` on one thread."""
+    i = thread_offset + wp.tid()
+    total = product_out[i]
     for row in range(row_start[i], row_start[i + 1]):
         k = row_entry[row]
         tangent = entry_tangent(elements.tangent, elements.turning, k)
-        total += entry_force(elements.weight[k], tangent, moments[row_element[row]])
-    product_out[i] = product_out[i] - total
+        total -= entry_force(elements.weight[k], tangent, moments[row_element[row]])
+    product_out[i] = total
 
 
 @wp.func
@@ -122,6 +124,7 @@ def measure_gradient(elements: BendingModel, k: int, curvature: real, t1: vec3, 
 @wp.kernel
 def diagonal(
     # Model
+    thread_offset: int,
     elements: BendingModel,
     row_start: wp.array(dtype=wp.int32),
     row_entry: wp.array(dtype=wp.int32),
@@ -135,7 +138,7 @@ def diagonal(
     blocks_out: wp.array(dtype=mat33),
 ):
     """Adds the 3×3 blocks on the diagonal of a K + b C, one thread per particle."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     identity = wp.identity(n=3, dtype=real)
     total = mat33()
     for row in range(row_start[i], row_start[i + 1]):

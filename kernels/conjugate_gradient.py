@@ -55,13 +55,14 @@ def world_sum(lanes: Lanes, w: wp.int32, partial: wp.array(dtype=wp.float64)):
 @wp.kernel
 def invert_blocks(
     # Model
+    thread_offset: int,
     particle_mass: wp.array(dtype=real),
     particle_inv_mass: wp.array(dtype=real),
     # Out
     blocks_out: wp.array(dtype=mat33),
 ):
     """(m I + block)⁻¹ in place; 0 for pinned particles, which keeps them out of the solve."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     block = particle_mass[i] * wp.identity(n=3, dtype=real) + blocks_out[i]
     if particle_inv_mass[i] > real(0.0):
         blocks_out[i] = wp.inverse(block)
@@ -72,6 +73,7 @@ def invert_blocks(
 @wp.kernel
 def begin(
     # Model
+    thread_offset: int,
     lanes: Lanes,
     particle_mass: wp.array(dtype=real),
     # State in
@@ -86,7 +88,7 @@ def begin(
     partial_out: wp.array(dtype=wp.float64),
 ):
     """x = 0, r = −residual, p = P r, A p started with M p, r·p summed. Nothing to do in worlds that are not active."""
-    lane = wp.tid()
+    lane = thread_offset + wp.tid()
     rz = wp.float64(0.0)
     for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
         r = -residual[i]
@@ -128,6 +130,7 @@ def begin_worlds(
 @wp.kernel
 def curvature(
     # Model
+    thread_offset: int,
     lanes: Lanes,
     # State in
     p: wp.array(dtype=vec3),
@@ -136,7 +139,7 @@ def curvature(
     partial_out: wp.array(dtype=wp.float64),
 ):
     """p·A p of each lane."""
-    lane = wp.tid()
+    lane = thread_offset + wp.tid()
     total = wp.float64(0.0)
     for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
         total += wp.float64(wp.dot(p[i], ap[i]))
@@ -168,6 +171,7 @@ def step_length(
 @wp.kernel
 def advance(
     # Model
+    thread_offset: int,
     lanes: Lanes,
     particle_inv_mass: wp.array(dtype=real),
     # State in
@@ -181,7 +185,7 @@ def advance(
     partial_out: wp.array(dtype=wp.float64),
 ):
     """x += α p, r −= α A p, and the new r·P r."""
-    lane = wp.tid()
+    lane = thread_offset + wp.tid()
     w = lanes.world[lane]
     if solves.active[w] == 0:
         return
@@ -239,6 +243,7 @@ def judge(
 @wp.kernel
 def turn(
     # Model
+    thread_offset: int,
     particle_mass: wp.array(dtype=real),
     particle_world: wp.array(dtype=wp.int32),
     # State in
@@ -250,7 +255,7 @@ def turn(
     ap_out: wp.array(dtype=vec3),
 ):
     """p = P r + β p, and A p started with M p; nothing moves in worlds that are done."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     w = particle_world[i]
     p = vec3()
     if solves.active[w] == 1:

@@ -13,6 +13,7 @@ wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 @wp.kernel
 def stage_base(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     # State in
     particle_q: wp.array(dtype=vec3),
@@ -30,7 +31,7 @@ def stage_base(
     particle_qd_out: wp.array(dtype=vec3),
 ):
     """x̄ = x + s dt v + p (x − x₋₁), v̄ = v + s dt f/m + p (v − v₋₁); the guess is the state itself."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     x = particle_q[i]
     v = particle_qd[i]
     position_base_out[i] = x + at_start * dt * v + past * (x - past_q[i])
@@ -132,6 +133,7 @@ def remember(
 @wp.kernel
 def pin_changes(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     # State in
     particle_q: wp.array(dtype=vec3),
@@ -144,7 +146,7 @@ def pin_changes(
     change_out: wp.array(dtype=vec3),
 ):
     """Known part of the velocities over a step: v of free particles, the mean of driven ones; known changes of v."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     if particle_inv_mass[i] > real(0.0):
         velocity_out[i] = particle_qd[i]
         change_out[i] = vec3()
@@ -156,6 +158,7 @@ def pin_changes(
 @wp.kernel
 def linear_residual(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     # State in
     particle_f: wp.array(dtype=vec3),
@@ -164,7 +167,7 @@ def linear_residual(
     residual_out: wp.array(dtype=vec3),
 ):
     """Completes −dt f + dt² K v + dt C Δv, whose products are there already; 0 for pinned particles."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     if particle_inv_mass[i] > real(0.0):
         residual_out[i] = residual_out[i] - dt * particle_f[i]
     else:
@@ -174,6 +177,7 @@ def linear_residual(
 @wp.kernel
 def apply_change(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     # State in
     particle_q: wp.array(dtype=vec3),
@@ -185,7 +189,7 @@ def apply_change(
     particle_qd_out: wp.array(dtype=vec3),
 ):
     """v ← v + Δv, x ← x + dt v with the new v, for free particles."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     if particle_inv_mass[i] > real(0.0):
         v = particle_qd[i] + change[i]
         particle_qd_out[i] = v

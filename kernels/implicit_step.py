@@ -61,6 +61,7 @@ def start_worlds(
 @wp.kernel
 def place(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     # State in
     position_base: wp.array(dtype=vec3),
@@ -70,7 +71,7 @@ def place(
     particle_qd_out: wp.array(dtype=vec3),
 ):
     """x = x̄ + γ v of free particles; pinned ones keep their place and stand still until they are driven."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     if particle_inv_mass[i] > real(0.0):
         particle_q_out[i] = position_base[i] + gamma * particle_qd_out[i]
     else:
@@ -80,6 +81,7 @@ def place(
 @wp.kernel
 def residual(
     # Model
+    thread_offset: int,
     lanes: Lanes,
     particle_mass: wp.array(dtype=real),
     particle_inv_mass: wp.array(dtype=real),
@@ -94,7 +96,7 @@ def residual(
     partial_out: wp.array(dtype=wp.float64),
 ):
     """R = M (v − v̄) − γ f, 0 for pinned particles, and R·direction of each lane."""
-    lane = wp.tid()
+    lane = thread_offset + wp.tid()
     slope = wp.float64(0.0)
     for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
         r = vec3()
@@ -108,6 +110,7 @@ def residual(
 @wp.kernel
 def start_search(
     # Model
+    thread_offset: int,
     lanes: Lanes,
     particle_mass: wp.array(dtype=real),
     # State in
@@ -118,7 +121,7 @@ def start_search(
     partial_out: wp.array(dtype=wp.float64),
 ):
     """Keeps the velocities from which the line search starts, and sums m |direction|²."""
-    lane = wp.tid()
+    lane = thread_offset + wp.tid()
     total = wp.float64(0.0)
     for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
         start_out[i] = particle_qd[i]
@@ -153,6 +156,7 @@ def start_search_worlds(
 @wp.kernel
 def attempt(
     # Model
+    thread_offset: int,
     particle_inv_mass: wp.array(dtype=real),
     particle_world: wp.array(dtype=wp.int32),
     # State in
@@ -166,7 +170,7 @@ def attempt(
     particle_qd_out: wp.array(dtype=vec3),
 ):
     """Velocities at the present step length, and their positions."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     w = particle_world[i]
     if worlds.active[w] == 1 and particle_inv_mass[i] > real(0.0):
         v = start[i] + real(worlds.step[w]) * direction[i]

@@ -25,6 +25,7 @@ def spring_matrix(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real, pro
 @wp.kernel
 def scatter_products(
     # Model
+    springs: wp.array(dtype=wp.int32),
     particle_world: wp.array(dtype=wp.int32),
     spring_indices: wp.array(dtype=wp.vec2i),
     spring_rest_length: wp.array(dtype=real),
@@ -40,8 +41,10 @@ def scatter_products(
     # Out
     product_out: wp.array(dtype=vec3),
 ):
-    """Adds (a K + b C) x, one thread per spring."""
+    """Adds (a K + b C) x of ``springs``, one thread for each; none are named: of all."""
     s = wp.tid()
+    if springs.shape[0] > 0:
+        s = springs[s]
     ends = spring_indices[s]
     d = particle_q[ends[1]] - particle_q[ends[0]]
     u = particle_qd[ends[1]] - particle_qd[ends[0]]
@@ -55,6 +58,7 @@ def scatter_products(
 @wp.kernel
 def gather_products(
     # Model
+    thread_offset: int,
     particle_spring_start: wp.array(dtype=wp.int32),
     particle_spring_ids: wp.array(dtype=wp.int32),
     particle_world: wp.array(dtype=wp.int32),
@@ -73,7 +77,7 @@ def gather_products(
     product_out: wp.array(dtype=vec3),
 ):
     """Adds (a K + b C) x, one thread per particle, springs in the order of their numbers."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     project = world_project[particle_world[i]]
     total = vec3()
     for j in range(particle_spring_start[i], particle_spring_start[i + 1]):
@@ -90,6 +94,7 @@ def gather_products(
 @wp.kernel
 def diagonal(
     # Model
+    thread_offset: int,
     particle_spring_start: wp.array(dtype=wp.int32),
     particle_spring_ids: wp.array(dtype=wp.int32),
     particle_world: wp.array(dtype=wp.int32),
@@ -107,7 +112,7 @@ def diagonal(
     blocks_out: wp.array(dtype=mat33),
 ):
     """Adds the 3×3 blocks on the diagonal of a K + b C, one thread per particle."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     project = world_project[particle_world[i]]
     total = mat33()
     for j in range(particle_spring_start[i], particle_spring_start[i + 1]):

@@ -1,4 +1,4 @@
-"""Spring forces of eight springs at once, for the CPU, where many springs lead to particles numbered alike.
+"""Forces of eight springs at once, and products with their matrices, for the CPU and networks numbered like grids.
 
 On a grid, springs of one kind lead from particles i, i + 1, i + 2 … to i + o, i + 1 + o, i + 2 + o …: what they read
 and write lies side by side. A *tile* is eight particles in a row; an *entry* of it, the springs that lead from them o
@@ -6,7 +6,7 @@ numbers further (a lane without a spring has the rest length 0); a *block*, part
 memory of its own. Springs from before a block are evaluated for it once more, so blocks need not wait for each other.
 
 Each particle adds up what comes from those before it in the order of their numbers, and then its own springs, from the
-furthest on; so its force does not depend on where blocks and tiles begin, or on what else is simulated.
+furthest on; so what it gets does not depend on where blocks and tiles begin, or on what else is simulated.
 """
 
 import sys
@@ -18,7 +18,7 @@ from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
-ROWS = 9  # of a thread's memory: positions, velocities, forces
+ROWS = 12  # of a thread's memory: three vectors of what is read, and one of what is written
 
 
 @wp.struct
@@ -32,36 +32,40 @@ class Tiles:
     offset: wp.array(dtype=wp.int32)
 
 
-# The law of kernels/spring_law.py (spring_pull), written for vectors.
-_PULL = for_cpu(f"""
+def _sum_over_springs(vectors: tuple[str, ...], out: str, law: str) -> str:
+    """C++ that adds to the array ``out``, for the particles of block b, what each spring does to its ends.
+
+    ``law`` works out g0, g1, g2, what a spring does to the particle that it leads from, and the opposite of what it
+    does to the other; from the differences d0, d1, … of the components of all ``vectors`` between the two, and the
+    spring's ``rest``, ``k_s``, ``k_d`` as :func:`arrange_lanes` has them.
+    """
+    rows = range(3 * len(vectors))
+    unpacked = "".join(
+        f"unpack((const R*)({name}.data + lo), n, r{3 * k}, r{3 * k + 1}, r{3 * k + 2});\n"
+        for k, name in enumerate(vectors)
+    )
+    return for_cpu(f"""
     const int* block = tiles.block.data + 6 * b;
     const int lo = block[2], n = block[3] - lo, room = n + {LANES} + (-n & {LANES - 1});
-    R* row[{ROWS}];
-    for (int k = 0; k < {ROWS}; ++k) row[k] = memory_out.data + k * room;
-    R *x = row[0], *y = row[1], *z = row[2], *vx = row[3], *vy = row[4], *vz = row[5];
-    R *fx = row[6], *fy = row[7], *fz = row[8];
-    unpack((const R*)(particle_q.data + lo), n, x, y, z);
-    unpack((const R*)(particle_qd.data + lo), n, vx, vy, vz);
+    {"".join(f"R* r{k} = memory_out.data + {k} * room;" for k in rows)}
+    R *fx = memory_out.data + {len(rows)} * room, *fy = fx + room, *fz = fy + room;
+    {unpacked}
     for (R* f = fx; f < fx + 3 * room; f += {LANES}) store(f, 0);
     const int own = block[4] - lo, count = block[5] - block[4];
-    unpack((const R*)(particle_f_out.data + block[4]), count, fx + own, fy + own, fz + own);
+    unpack((const R*)({out}.data + block[4]), count, fx + own, fy + own, fz + own);
     for (int t = block[0]; t < block[1]; ++t) {{
         const int i = tiles.particle.data[t] - lo;
-        const V px = load(x + i), py = load(y + i), pz = load(z + i);
-        const V pvx = load(vx + i), pvy = load(vy + i), pvz = load(vz + i);
+        {"".join(f"const V p{k} = load(r{k} + i);" for k in rows)}
         V sx = 0, sy = 0, sz = 0;
         for (int e = tiles.start.data[t]; e < tiles.start.data[t + 1]; ++e) {{
             const int j = i + tiles.offset.data[e];
             const R* of_law = law.data + {3 * LANES} * (long long)e;
             const V rest = load(of_law), k_s = load(of_law + {LANES}), k_d = load(of_law + {2 * LANES});
-            const V dx = load(x + j) - px, dy = load(y + j) - py, dz = load(z + j) - pz;
-            const V ux = load(vx + j) - pvx, uy = load(vy + j) - pvy, uz = load(vz + j) - pvz;
-            const V length = root(dx * dx + dy * dy + dz * dz);
-            const Mask pulls = (length != 0) & (rest > 0);  // what is not a number stays visible
-            const V inverse = 1 / length;
-            const V rate = (ux * dx + uy * dy + uz * dz) * inverse;
-            const V pull = only((k_s * (length - rest) + k_d * rate) * inverse, pulls);
-            const V gx = only(pull * dx, pulls), gy = only(pull * dy, pulls), gz = only(pull * dz, pulls);
+            {"".join(f"const V d{k} = load(r{k} + j) - p{k};" for k in rows)}
+            const V length = root(d0 * d0 + d1 * d1 + d2 * d2), inverse = 1 / length;
+            const Mask acts = (length != 0) & (rest > 0);  // what is not a number stays visible
+            {law}
+            const V gx = only(g0, acts), gy = only(g1, acts), gz = only(g2, acts);
             sx += gx; sy += gy; sz += gz;
             store(fx + j, load(fx + j) - gx);
             store(fy + j, load(fy + j) - gy);
@@ -71,11 +75,35 @@ _PULL = for_cpu(f"""
         store(fy + i, load(fy + i) + sy);
         store(fz + i, load(fz + i) + sz);
     }}
-    pack((R*)(particle_f_out.data + block[4]), count, fx + own, fy + own, fz + own);
-""")
+    pack((R*)({out}.data + block[4]), count, fx + own, fy + own, fz + own);
+    """)
 
 
-@wp.func_native(_PULL)
+# spring_pull of kernels/spring_law.py, written for vectors.
+_PULL = """
+            const V rate = (d0 * d3 + d1 * d4 + d2 * d5) * inverse;
+            const V pull = (k_s * (length - rest) + k_d * rate) * inverse;
+            const V g0 = pull * d0, g1 = pull * d1, g2 = pull * d2;
+"""
+
+# spring_matrix of kernels/spring_hessian.py times a vector, whose difference is d6, d7, d8.
+_PRODUCT = """
+            const V n0 = d0 * inverse, n1 = d1 * inverse, n2 = d2 * inverse;
+            const V rate = d3 * n0 + d4 * n1 + d5 * n2;
+            const V keeps = 1 - project;
+            V transverse = (k_s * (length - rest) + k_d * rate) * inverse;
+            transverse = transverse < 0 ? keeps * transverse : transverse;
+            const V turn = keeps * (R(0.5) * k_d * inverse);
+            const V w0 = turn * (d3 - rate * n0), w1 = turn * (d4 - rate * n1), w2 = turn * (d5 - rate * n2);
+            const V along = n0 * d6 + n1 * d7 + n2 * d8, aside = w0 * d6 + w1 * d7 + w2 * d8;
+            const V straight = (a * (k_s - transverse) + b_ * k_d) * along + a * aside;
+            const V g0 = -straight * n0 - a * (transverse * d6 + along * w0);
+            const V g1 = -straight * n1 - a * (transverse * d7 + along * w1);
+            const V g2 = -straight * n2 - a * (transverse * d8 + along * w2);
+"""
+
+
+@wp.func_native(_sum_over_springs(("particle_q", "particle_qd"), "particle_f_out", _PULL))
 def _pull(
     tiles: Tiles,
     b: int,
@@ -105,3 +133,45 @@ def pull_blocks(
     slot = thread_offset + wp.tid()
     for b in range(slot_start[slot], slot_start[slot + 1]):
         _pull(tiles, b, law, particle_q, particle_qd, memory_out[slot], particle_f_out)
+
+
+@wp.func_native(_sum_over_springs(("particle_q", "particle_qd", "x"), "product_out", _PRODUCT))
+def _multiply(
+    tiles: Tiles,
+    b: int,
+    law: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    x: wp.array(dtype=vec3),
+    a: real,
+    b_: real,
+    project: real,
+    memory_out: wp.array(dtype=real),
+    product_out: wp.array(dtype=vec3),
+): ...
+
+
+@wp.kernel
+def multiply_blocks(
+    # Model
+    thread_offset: int,
+    tiles: Tiles,
+    slot_start: wp.array(dtype=wp.int32),
+    law: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    world_project: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    x: wp.array(dtype=vec3),
+    a: real,
+    b: real,
+    # Out
+    memory_out: wp.array2d(dtype=real),
+    product_out: wp.array(dtype=vec3),
+):
+    """Adds (a K + b C) x, as ``scatter_products`` of ``kernels/spring_hessian.py`` does, block by block."""
+    slot = thread_offset + wp.tid()
+    for k in range(slot_start[slot], slot_start[slot + 1]):
+        project = world_project[particle_world[tiles.block[k, 4]]]
+        _multiply(tiles, k, law, particle_q, particle_qd, x, a, b, project, memory_out[slot], product_out)

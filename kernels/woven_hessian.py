@@ -87,6 +87,7 @@ def scatter_products(
 @wp.kernel
 def product_pulls(
     # Model
+    thread_offset: int,
     particle_world: wp.array(dtype=wp.int32),
     woven: WovenModel,
     # State in
@@ -100,7 +101,7 @@ def product_pulls(
     pulls_out: wp.array(dtype=Pair),
 ):
     """(a K + b C) x of all triangles, for ``gather`` of ``woven.py``."""
-    t = wp.tid()
+    t = thread_offset + wp.tid()
     project = world_project[particle_world[woven.corners[t][0]]]
     pulls_out[t] = triangle_product(woven, t, project, particle_q, particle_qd, x, a, b)
 
@@ -108,6 +109,7 @@ def product_pulls(
 @wp.kernel
 def diagonal(
     # Model
+    thread_offset: int,
     particle_world: wp.array(dtype=wp.int32),
     woven: WovenModel,
     row_start: wp.array(dtype=wp.int32),
@@ -122,7 +124,7 @@ def diagonal(
     blocks_out: wp.array(dtype=mat33),
 ):
     """Adds the 3×3 blocks on the diagonal of a K + b C, one thread per particle."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     project = world_project[particle_world[i]]
     total = mat33()
     for row in range(row_start[i], row_start[i + 1]):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from test_springs import law_in_numpy, random_network
 
 import warpcloth as wc
-from warpcloth.forces import Springs, spring_tiles
+from warpcloth.forces import Linearization, Springs, spring_tiles
 from warpcloth.forces import lanes as lanes_module
 from warpcloth.forces.lanes import in_lanes
 from warpcloth.forces.spring_rows import SpringRows
@@ -118,3 +118,39 @@ def test_changed_springs_are_taken_over():
     wp.copy(state.particle_f, wp.zeros_like(state.particle_f))
     tiles.accumulate(state)
     assert np.array_equal(state.particle_f.numpy(), 2.0 * before)
+
+
+@pytest.mark.parametrize("project", [0.0, 0.3, 1.0])
+def test_products_equal_those_one_by_one(project):
+    net = random_network(5, 80, 400)
+    model = wc.Model.from_springs(**net, precision="float64")
+    x = model.array(np.random.default_rng(1).normal(size=(80, 3)), model.vec3)
+    at = Linearization(State.of(model), 0.7, 0.2, model.array([project], model.real))
+    one_by_one, in_tiles = (wp.ones_like(model.particle_q) for _ in range(2))
+    Springs(model).hessian_product(at, x, one_by_one)
+    tiles_of(model, 2, 16).multiply(at, x, in_tiles)
+    expected = one_by_one.numpy()
+    assert np.abs(expected).max() > 100.0
+    assert np.abs(in_tiles.numpy() - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
+def test_every_spring_of_mixed_worlds_is_in_a_product_once():
+    """A grid in tiles, and springs between any particles one by one."""
+    disordered = wc.Cloth.disc(0.3, 6)
+    shuffle = np.random.default_rng(0).permutation(len(disordered.points))
+    model = wc.Model.build_worlds([([wc.Cloth.grid((0.5, 0.5), (9, 9))], []), ([disordered], [])])
+    ends = model.spring_indices.numpy().copy()
+    other = ends[:, 0] >= 81
+    ends[other] = 81 + shuffle[ends[other] - 81]
+    model.spring_indices.assign(ends)
+    rng = np.random.default_rng(2)
+    model.particle_q.assign(rng.normal(size=(model.particle_count, 3)))
+    x = model.array(rng.normal(size=(model.particle_count, 3)), model.vec3)
+    at = Linearization(State.of(model), 0.7, 0.2, model.array([1.0, 1.0], model.real))
+    products = []
+    for ranges in (None, 2):
+        springs, out = Springs(model, ranges=ranges), wp.zeros_like(model.particle_q)
+        springs.hessian_product(at, x, out)
+        products.append(out.numpy())
+    assert [type(part) for part in springs._parts] == [SpringTiles, SpringRows]
+    assert np.abs(products[0] - products[1]).max() < 1e-5 * np.abs(products[0]).max()

@@ -22,7 +22,7 @@ class Bending:
         model: the model whose elements these are.
         assembly: "scatter" (one thread per element, atomic adds) or "gather" (fixed order: bitwise
             repeatable on a GPU too).
-        ranges: into how many ranges launches may be cut on the CPU; forces are then gathered, to the same sums.
+        ranges: into how many ranges launches may be cut on the CPU; all is then gathered, to the same sums.
 
     Raises:
         InputError: unknown assembly.
@@ -35,21 +35,20 @@ class Bending:
 
     def __init__(self, model: Model, assembly: str = "scatter", ranges: int = 1):
         self.model, self.elements = model, model.bending
-        self.gathers = validate.choice(assembly, ASSEMBLIES, "assembly") == "gather"
-        self._gathers_forces = self.gathers or ranges > 1
+        self.gathers = validate.choice(assembly, ASSEMBLIES, "assembly") == "gather" or ranges > 1
         law = self.elements.law.numpy()
         self.velocity_dependent = bool(law[:, 1].any())
         self.slips = bool(self.elements.friction.numpy().any())
         wide: dict[str, Any] = {"device": model.device, "requires_grad": model.differentiable}
         self.slip = wp.zeros(model.bend_count, dtype=model.real, **wide)
-        count = model.bend_count if self._gathers_forces else 0
+        count = model.bend_count if self.gathers else 0
         self._moments = wp.zeros(count, dtype=model.kernels.bending.Moments, **wide)
         self._rows = [model.particle_bend_start, model.particle_bend_ids, model.particle_bend_elements]
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds bending forces [N] to ``state.particle_f``."""
         kernels, where = self.model.kernels.bending, [self.slip, state.particle_q, state.particle_qd]
-        if self._gathers_forces:
+        if self.gathers:
             self._launch(kernels.moments, where, self._moments)
             self._gather(kernels.gather_forces, state.particle_f)
         else:

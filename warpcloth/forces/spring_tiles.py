@@ -7,6 +7,7 @@ from ..launching import launch
 from ..model import Model
 from ..state import State
 from . import lanes as lanes_module
+from .base import Linearization
 from .lanes import Lanes, copies
 
 BLOCK_TO_REACH = 4  # particles, so that no more than a quarter of the springs is evaluated twice
@@ -82,5 +83,16 @@ class SpringTiles:
             dim=len(self._slot_start) - 1,
             inputs=[self._tiles, self._slot_start, self._law, state.particle_q, state.particle_qd],
             outputs=[self._memory, state.particle_f],
+            device=self.model.device,
+        )
+
+    def multiply(self, at: Linearization, x: wp.array, out: wp.array) -> None:
+        """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
+        where = [at.world_project, at.state.particle_q, at.state.particle_qd, x, at.stiffness, at.damping]
+        launch(
+            self._kernels.multiply_blocks,
+            dim=len(self._slot_start) - 1,
+            inputs=[self._tiles, self._slot_start, self._law, self.model.particle_world, *where],
+            outputs=[self._memory, out],
             device=self.model.device,
         )

@@ -37,10 +37,13 @@ class Springs:
         self.assembly = validate.choice(assembly, ASSEMBLIES, "assembly")
         in_rows = self.assembly == "scatter" and model.device.is_cpu and not model.differentiable
         self._parts: list[SpringTiles | SpringRows] = []
+        left = np.ones(model.spring_count, bool)
         if ranges and in_rows:
             lanes, left = in_lanes(model, arranged)
             self._parts += [SpringTiles(model, lanes, ranges)] if len(lanes.entry) else []
             self._parts += [SpringRows(model, np.flatnonzero(left), ranges)] if left.any() else []
+        self._left_count = int(np.count_nonzero(left))
+        self._left = model.array(np.flatnonzero(left) if self._parts else np.zeros(0), wp.int32)  # none named: all
         self.velocity_dependent = bool(model.spring_damping.numpy().any())
 
     def prepare(self) -> None:
@@ -65,9 +68,11 @@ class Springs:
 
     def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
         """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
-        model = self.model
-        kernel, dim = model.kernels.spring_hessian.scatter_products, model.spring_count
-        rows: list[wp.array] = []
+        for part in self._parts:
+            if isinstance(part, SpringTiles):
+                part.multiply(at, x, out)
+        model, rows = self.model, [self._left]
+        kernel, dim = model.kernels.spring_hessian.scatter_products, self._left_count
         if self.assembly == "gather":
             kernel, dim = model.kernels.spring_hessian.gather_products, model.particle_count
             rows = [model.particle_spring_start, model.particle_spring_ids]

@@ -20,7 +20,7 @@ class Woven:
         model: the model whose triangles these are.
         assembly: "scatter" (one thread per triangle, atomic adds) or "gather" (fixed order: bitwise repeatable on a GPU
             too).
-        ranges: into how many ranges launches may be cut on the CPU; forces are then gathered, to the same sums.
+        ranges: into how many ranges launches may be cut on the CPU; all is then gathered, to the same sums.
 
     Raises:
         InputError: unknown assembly.
@@ -30,17 +30,16 @@ class Woven:
 
     def __init__(self, model: Model, assembly: str = "scatter", ranges: int = 1):
         self.model = model
-        self.gathers = validate.choice(assembly, ASSEMBLIES, "assembly") == "gather"
-        self._gathers_forces = self.gathers or ranges > 1
+        self.gathers = validate.choice(assembly, ASSEMBLIES, "assembly") == "gather" or ranges > 1
         self.velocity_dependent = bool(np.any(model.woven.law.numpy()[:, 0] > 0.0))
         wide: dict[str, Any] = {"device": model.device, "requires_grad": model.differentiable}
-        self._pulls = wp.zeros(model.woven_count if self._gathers_forces else 0, dtype=model.kernels.woven.Pair, **wide)
+        self._pulls = wp.zeros(model.woven_count if self.gathers else 0, dtype=model.kernels.woven.Pair, **wide)
         self._rows = [model.particle_woven_start, model.particle_woven_ids]
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds the forces of yarns [N] to ``state.particle_f``."""
         kernels, inputs = self.model.kernels.woven, [self.model.woven, state.particle_q, state.particle_qd]
-        if self._gathers_forces:
+        if self.gathers:
             self._launch(kernels.pulls, inputs, self._pulls)
             self._gather(state.particle_f)
         else:

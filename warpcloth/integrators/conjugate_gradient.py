@@ -11,6 +11,7 @@ from ..launching import fill, launch, repeat_while
 from ..model import Model
 
 GPU_LANE = 32  # particles per lane: short enough that a GPU has enough lanes, long enough that few are left to sum
+CPU_LANE = 512  # short enough to be shared evenly by threads
 
 
 class ConjugateGradient:
@@ -94,10 +95,9 @@ class ConjugateGradient:
 
 
 def _make_lanes(model: Model) -> tuple[Any, int]:
-    """Ranges of particles that never cross from one world to the next: all of a world on the CPU, which runs them in
-    order anyway, short ones on a GPU."""
+    """Ranges of particles that never cross from one world to the next."""
     world_start = np.searchsorted(model.particle_world.numpy(), np.arange(model.world_count + 1))
-    length = model.particle_count if model.device.is_cpu else GPU_LANE
+    length = CPU_LANE if model.device.is_cpu else GPU_LANE
     starts = [np.arange(a, b, length) for a, b in itertools.pairwise(world_start)]
     counts = [len(s) for s in starts]
     lanes = model.kernels.conjugate_gradient.Lanes()

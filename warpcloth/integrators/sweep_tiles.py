@@ -85,7 +85,7 @@ class TileSweep:
         order = np.argsort(phase, kind="stable")
         entry, lane_spring = lanes.entry[order], lanes.lane_spring[order]
         self._lane_spring = model.array(lane_spring.reshape(-1), wp.int32)
-        self._particle = np.repeat(entry[:, 1], 3 * lane_spring.shape[1])
+        self._particle = entry[:, 1]
         self._law, self._force = (
             wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device) for _ in range(2)
         )
@@ -129,8 +129,10 @@ class TileSweep:
         fill(self._force)
 
     def memory(self) -> Memory:
-        """The forces of the step before."""
-        return Memory(self._force, self._particle)
+        """The forces of the step before, a row for each entry."""
+        row = wp.types.vector(3 * self._model.kernels.lanes.LANES, self._model.real)
+        rows = wp.array(ptr=self._force.ptr, dtype=row, shape=len(self._particle), device=self._model.device)
+        return Memory(rows, self._particle)
 
     def solve(self, part: int, start: wp.array, dt: float, kept: float, displacement: wp.array) -> None:
         """Solves the springs of one part, in a step of dt [s] from positions ``start``; changes their forces and
