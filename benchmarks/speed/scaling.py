@@ -20,17 +20,17 @@ from .effort import Effort
 from .scenes import DT, PROBLEMS, simulation
 
 EXPLICIT_SUBSTEPS = 16
-START_FRAMES = {"hang": 3, "drape": 20}  # before those that count; by then the cloth lies on the ball
-FRAMES = 7
+START_FRAMES = 3  # before those that count
+FRAMES = 7  # of the drape: all, as they differ
 SMALL = 8  # vertices along an edge of what loads the kernels, so that their memory is not counted
 
 
 def scaling(effort: Effort, report: Callable[[str], None]) -> dict[str, Any]:
-    """Cost of the explicit step, of hanging and of draping with XPBD, for 16² to 512² particles.
+    """Cost of the explicit step, of hanging and of draping with XPBD, for 16² to 512² particles, on one thread.
 
     Returns:
         ``rows``: ``problem``, ``resolution``, ``particles``, ``substeps``, ``frame_ms`` and ``cpu_ms`` (medians of
-        wall and processor time), ``particle_step_ns`` (of a particle in a substep, in processor time if the device is
+        wall and processor time; of the drape, means over all of it), ``particle_step_ns`` (of a particle in a substep, in processor time if the device is
         the CPU, which other processes may use, too), ``bytes_per_particle`` (by which resident memory is more than
         before, with all that contact needs) and ``peak_bytes_per_particle`` (by which its peak, while the model was
         built, rose; None where the system does not say); ``exponents``: by problem, of that time of a frame (``frame``)
@@ -40,7 +40,8 @@ def scaling(effort: Effort, report: Callable[[str], None]) -> dict[str, Any]:
     for problem, sizes in effort.sizes.items():
         for n in sizes:
             report(f"scaling, {problem}, {n}²")
-            rows.append(in_child("scaling", {"problem": problem, "n": n, "frames": max(FRAMES, effort.repeats)}))
+            frames = PROBLEMS["drape"].frames if problem == "drape" else max(FRAMES, effort.repeats)
+            rows.append(in_child("scaling", {"problem": problem, "n": n, "frames": frames}))
     failures = [f"scaling, {r['problem']}, {r['resolution']}²: not finite" for r in rows if not r["finite"]]
     return {"rows": rows, "exponents": _exponents(rows), "failures": failures}
 
@@ -64,7 +65,8 @@ def measure(problem: str, n: int, frames: int) -> dict[str, Any]:
     sim, times = _run(problem, n, frames)
     gc.collect()
     after, full, count = _peak_memory(), _memory(), n * n
-    wall, cpu = (statistics.median(values) for values in zip(*times, strict=True))
+    average = statistics.fmean if problem == "drape" else statistics.median
+    wall, cpu = (average(values) for values in zip(*times, strict=True))
     cost = (sim.model.device.is_cpu and cpu) or wall
     return {
         "problem": problem,
@@ -81,19 +83,21 @@ def measure(problem: str, n: int, frames: int) -> dict[str, Any]:
 
 
 def _run(problem: str, n: int, frames: int) -> tuple[Any, list[tuple[float, float]]]:
-    """A simulation, and wall and processor times of its last ``frames`` frames [s]."""
+    """A simulation, and wall and processor times of its last ``frames`` frames [s].
+
+    Substeps are automatic, and the same rule chooses them for all sizes.
+    """
     if problem == "explicit":
         # So short a frame that networks of all sizes are stable: what it costs does not depend on its length.
-        sim = simulation(PROBLEMS["hang"], n, "symplectic_euler", substeps=EXPLICIT_SUBSTEPS)
-        dt, start = 1e-6, START_FRAMES["hang"]
+        sim, dt = simulation(PROBLEMS["hang"], n, "symplectic_euler", substeps=EXPLICIT_SUBSTEPS, threads=1), 1e-6
     else:
-        sim, dt, start = simulation(PROBLEMS[problem], n, "xpbd"), DT, START_FRAMES[problem]
+        sim, dt = simulation(PROBLEMS[problem], n, "xpbd", substeps="auto", threads=1), DT
     times = []
-    for number in range(start + frames):
+    for number in range(START_FRAMES + frames):
         begun = time.perf_counter(), time.process_time()
         sim.step(dt)
         wp.synchronize_device(sim.model.device)
-        if number >= start:
+        if number >= START_FRAMES:
             times.append((time.perf_counter() - begun[0], time.process_time() - begun[1]))
     return sim, times
 
