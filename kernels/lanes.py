@@ -7,6 +7,7 @@ threads are lanes already, snippets of this kind are empty: wrap them in :func:`
     V             a vector of :data:`LANES` numbers R, of the variant's precision; ``a < b`` gives a mask
     load, store   at any address
     only          what a mask lets through, 0 elsewhere
+    among         the mask of lanes whose bit is set
     root          square root of each
     unpack, pack  triples side by side (x y z x y z …) as three rows of n numbers, filled with zeros to the next
                   multiple of eight, and back
@@ -17,6 +18,7 @@ from .precision import real
 LANES = 8
 
 _EVERY_THIRD = [", ".join(str(3 * k + axis) for k in range(LANES)) for axis in range(3)]
+_BITS = ", ".join(str(1 << k) for k in range(LANES))
 _XY = ", ".join(str(k) for k in range(2 * LANES))
 _Z = ", ".join([str(k) for k in range(LANES)] + ["-1"] * LANES)
 _XYZ = ", ".join(f"{k}, {LANES + k}, {2 * LANES + k}" for k in range(LANES))
@@ -30,6 +32,7 @@ _LANES_CPP = f"""
     auto load = [](const R* from) {{ V v; __builtin_memcpy(&v, from, sizeof(V)); return v; }};
     auto store = [](R* to, V v) {{ __builtin_memcpy(to, &v, sizeof(V)); }};
     auto only = [](V v, Mask mask) {{ return (V)((Mask)v & mask); }};
+    auto among = [](int bits) {{ return (Mask{{{_BITS}}} & bits) != 0; }};
     auto root = [](V v) {{ return __builtin_elementwise_sqrt(v); }};
     auto unpack = [&](const R* from, int n, R* x, R* y, R* z) {{
         int i = 0;
@@ -53,6 +56,23 @@ _LANES_CPP = f"""
         }}
         for (; i < n; ++i) {{ to[3 * i] = x[i]; to[3 * i + 1] = y[i]; to[3 * i + 2] = z[i]; }}
     }};
+"""
+
+
+# rest, k_s, k_d: r, k_s/r and k_d/r of the springs of entry e, as arrange_lanes of kernels/springs.py has them.
+LAW = f"""
+            V rest, k_s, k_d;
+            if (const int by = shared_by.data[e]; by >= 0) {{
+                const R* of_law = (const R*)(shared_law.data + e);
+                rest = only((V)of_law[0], among(by));
+                k_s = of_law[1];
+                k_d = of_law[2];
+            }} else {{
+                const R* of_law = law.data + {3 * LANES} * (long long)e;
+                rest = load(of_law);
+                k_s = load(of_law + {LANES});
+                k_d = load(of_law + {2 * LANES});
+            }}
 """
 
 

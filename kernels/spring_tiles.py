@@ -13,7 +13,7 @@ import sys
 
 import warp as wp
 
-from .lanes import LANES, for_cpu
+from .lanes import LANES, LAW, for_cpu
 from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -37,7 +37,7 @@ def _sum_over_springs(vectors: tuple[str, ...], out: str, law: str) -> str:
 
     ``law`` works out g0, g1, g2, what a spring does to the particle that it leads from, and the opposite of what it
     does to the other; from the differences d0, d1, … of the components of all ``vectors`` between the two, and the
-    spring's ``rest``, ``k_s``, ``k_d`` as :func:`arrange_lanes` has them.
+    spring's ``rest``, ``k_s``, ``k_d``.
     """
     rows = range(3 * len(vectors))
     unpacked = "".join(
@@ -59,8 +59,7 @@ def _sum_over_springs(vectors: tuple[str, ...], out: str, law: str) -> str:
         V sx = 0, sy = 0, sz = 0;
         for (int e = tiles.start.data[t]; e < tiles.start.data[t + 1]; ++e) {{
             const int j = i + tiles.offset.data[e];
-            const R* of_law = law.data + {3 * LANES} * (long long)e;
-            const V rest = load(of_law), k_s = load(of_law + {LANES}), k_d = load(of_law + {2 * LANES});
+            {LAW}
             {"".join(f"const V d{k} = load(r{k} + j) - p{k};" for k in rows)}
             const V length = root(d0 * d0 + d1 * d1 + d2 * d2), inverse = 1 / length;
             const Mask acts = (length != 0) & (rest > 0);  // what is not a number stays visible
@@ -108,6 +107,8 @@ def _pull(
     tiles: Tiles,
     b: int,
     law: wp.array(dtype=real),
+    shared_law: wp.array(dtype=vec3),
+    shared_by: wp.array(dtype=wp.int32),
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
     memory_out: wp.array(dtype=real),
@@ -122,6 +123,8 @@ def pull_blocks(
     tiles: Tiles,
     slot_start: wp.array(dtype=wp.int32),
     law: wp.array(dtype=real),
+    shared_law: wp.array(dtype=vec3),
+    shared_by: wp.array(dtype=wp.int32),
     # State in
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
@@ -132,7 +135,7 @@ def pull_blocks(
     """Adds spring forces to the particles of blocks ``slot_start[s]`` to ``slot_start[s + 1]``, with the memory s."""
     slot = thread_offset + wp.tid()
     for b in range(slot_start[slot], slot_start[slot + 1]):
-        _pull(tiles, b, law, particle_q, particle_qd, memory_out[slot], particle_f_out)
+        _pull(tiles, b, law, shared_law, shared_by, particle_q, particle_qd, memory_out[slot], particle_f_out)
 
 
 @wp.func_native(_sum_over_springs(("particle_q", "particle_qd", "x"), "product_out", _PRODUCT))
@@ -140,6 +143,8 @@ def _multiply(
     tiles: Tiles,
     b: int,
     law: wp.array(dtype=real),
+    shared_law: wp.array(dtype=vec3),
+    shared_by: wp.array(dtype=wp.int32),
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
     x: wp.array(dtype=vec3),
@@ -158,6 +163,8 @@ def multiply_blocks(
     tiles: Tiles,
     slot_start: wp.array(dtype=wp.int32),
     law: wp.array(dtype=real),
+    shared_law: wp.array(dtype=vec3),
+    shared_by: wp.array(dtype=wp.int32),
     particle_world: wp.array(dtype=wp.int32),
     # State in
     world_project: wp.array(dtype=real),
@@ -174,4 +181,18 @@ def multiply_blocks(
     slot = thread_offset + wp.tid()
     for k in range(slot_start[slot], slot_start[slot + 1]):
         project = world_project[particle_world[tiles.block[k, 4]]]
-        _multiply(tiles, k, law, particle_q, particle_qd, x, a, b, project, memory_out[slot], product_out)
+        _multiply(
+            tiles,
+            k,
+            law,
+            shared_law,
+            shared_by,
+            particle_q,
+            particle_qd,
+            x,
+            a,
+            b,
+            project,
+            memory_out[slot],
+            product_out,
+        )

@@ -4,6 +4,7 @@ import sys
 
 import warp as wp
 
+from .direct import int_at, real_at
 from .lanes import LANES
 from .precision import OPTIONS, real, vec3
 from .spring_law import spring_energy, spring_force
@@ -114,18 +115,30 @@ def arrange_lanes(
     spring_damping: wp.array(dtype=real),
     # Out
     law_out: wp.array(dtype=real),
+    shared_law_out: wp.array(dtype=vec3),
+    shared_by_out: wp.array(dtype=wp.int32),
 ):
-    """r [m], k_s/r [N/m] and k_d/r [N s/m] of an entry's lanes, eight of each in turn; zeros for −1, no spring."""
-    n = thread_offset + wp.tid()
-    at = 3 * LANES * (n // LANES) + n % LANES
-    s = lane_spring[n]
-    r = real(0.0)
-    k_s = real(0.0)
-    k_d = real(0.0)
-    if s >= 0:
-        r = spring_rest_length[s]
-        k_s = spring_stiffness[s] / r
-        k_d = spring_damping[s] / r
-    law_out[at] = r
-    law_out[at + LANES] = k_s
-    law_out[at + 2 * LANES] = k_d
+    """r [m], k_s/r [N/m] and k_d/r [N s/m] of an entry's lanes, eight of each in turn; zeros for −1, no spring.
+
+    Where all springs of an entry have one law, it is in ``shared_law_out``, and ``shared_by_out`` has a bit for each
+    lane with a spring; so that an eighth is read. Otherwise that is −1.
+    """
+    e = thread_offset + wp.tid()
+    shared = vec3()
+    lanes = int(0)
+    for lane in range(LANES):
+        s = int_at(lane_spring, LANES * e + lane)
+        law = vec3()
+        if s >= 0:
+            r = real_at(spring_rest_length, s)
+            law = vec3(r, real_at(spring_stiffness, s) / r, real_at(spring_damping, s) / r)
+            if lanes == 0:
+                shared = law
+            if lanes >= 0 and law == shared:
+                lanes += 1 << lane
+            else:
+                lanes = -1
+        for k in range(3):
+            law_out[(3 * e + k) * LANES + lane] = law[k]
+    shared_law_out[e] = shared
+    shared_by_out[e] = lanes

@@ -10,7 +10,7 @@ import sys
 
 import warp as wp
 
-from .lanes import LANES, for_cpu
+from .lanes import LANES, LAW, for_cpu
 from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -29,10 +29,9 @@ _SOLVE = for_cpu(f"""
     const R elasticity = dt * dt, viscosity = dt, share = kept * dt * dt, rate = R(1) / (dt * dt);
     for (int e = of_block[0]; e < of_block[1]; ++e) {{
         const int i = entry.data[e][0] - lo, j = i + entry.data[e][1];
-        const R* of_law = law.data + {3 * LANES} * (long long)e;
+        {LAW}
         R* force = spring_force_out.data + {3 * LANES} * (long long)e;
-        const V rest = load(of_law), elastic = elasticity * load(of_law + {LANES});
-        const V viscous = viscosity * load(of_law + {2 * LANES});
+        const V elastic = elasticity * k_s, viscous = viscosity * k_d;
         const V w_p = load(w + i), w_q = load(w + j), both = w_p + w_q;
         const V ox = share * load(force), oy = share * load(force + {LANES}), oz = share * load(force + {2 * LANES});
         const V px = load(mx + i), py = load(my + i), pz = load(mz + i);
@@ -67,6 +66,8 @@ def _solve(
     block: wp.array2d(dtype=wp.int32),
     entry: wp.array(dtype=wp.vec2i),
     law: wp.array(dtype=real),
+    shared_law: wp.array(dtype=vec3),
+    shared_by: wp.array(dtype=wp.int32),
     particle_inv_mass: wp.array(dtype=real),
     particle_q: wp.array(dtype=vec3),
     dt: real,
@@ -85,6 +86,8 @@ def solve_tiles(
     block: wp.array2d(dtype=wp.int32),
     entry: wp.array(dtype=wp.vec2i),
     law: wp.array(dtype=real),
+    shared_law: wp.array(dtype=vec3),
+    shared_by: wp.array(dtype=wp.int32),
     particle_inv_mass: wp.array(dtype=real),
     # State in
     particle_q: wp.array(dtype=vec3),
@@ -98,12 +101,12 @@ def solve_tiles(
     """Solves the springs of blocks ``slot_start[s]`` to ``slot_start[s + 1]``, with the memory s.
 
     A block has its first and last entry (the latter not included), and the first and last particle that it reaches; an
-    entry its first particle and how much further its springs lead. Forces [N] and laws are as ``arrange_lanes`` has
-    them, eight of each in turn.
+    entry its first particle and how much further its springs lead. Laws are as ``arrange_lanes`` has them; of forces
+    [N] there are eight of each component in turn.
     """
     slot = thread_offset + wp.tid()
     for b in range(slot_start[slot], slot_start[slot + 1]):
         _solve(
-            b, block, entry, law, particle_inv_mass, particle_q, dt, kept,
+            b, block, entry, law, shared_law, shared_by, particle_inv_mass, particle_q, dt, kept,
             memory_out[slot], displacement_out, spring_force_out,
         )  # fmt: skip

@@ -30,11 +30,12 @@ def scaling(effort: Effort, report: Callable[[str], None]) -> dict[str, Any]:
 
     Returns:
         ``rows``: ``problem``, ``resolution``, ``particles``, ``substeps``, ``frame_ms`` and ``cpu_ms`` (medians of
-        wall and processor time; of the drape, means over all of it), ``particle_step_ns`` (of a particle in a substep, in processor time if the device is
-        the CPU, which other processes may use, too), ``bytes_per_particle`` (by which resident memory is more than
-        before, with all that contact needs) and ``peak_bytes_per_particle`` (by which its peak, while the model was
-        built, rose; None where the system does not say); ``exponents``: by problem, of that time of a frame (``frame``)
-        and of a step (``step``) in the number of particles, least squares of logarithms.
+        wall and processor time; of the drape, means over all of it), ``particle_step_ns`` (of a particle in a substep,
+        in processor time if the device is the CPU, which other processes may use, too), ``bytes_per_particle`` (by
+        which resident memory is more than before, with all that contact needs) and ``peak_bytes_per_particle`` (by
+        which its peak, while the model was built, rose; None where the system does not say); ``exponents``: by problem,
+        of that time of a frame (``frame``) and of a step (``step``) in the number of particles, least squares of
+        logarithms.
     """
     rows = []
     for problem, sizes in effort.sizes.items():

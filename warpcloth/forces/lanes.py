@@ -5,7 +5,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import warp as wp
 
+from ..launching import launch
 from ..model import Model
 
 SMALLEST_BLOCK = 512  # particles that one thread has at a time
@@ -74,3 +76,35 @@ def copies(ends: np.ndarray) -> np.ndarray:
     copy = np.empty(len(ends), np.int64)
     copy[order] = place - np.maximum.accumulate(np.where(begins, place, 0))
     return copy
+
+
+class LaneLaws:
+    """Copies of the properties of springs in lanes; see ``arrange_lanes`` of ``kernels/springs.py``.
+
+    Args:
+        model: the model. lane_spring: as :class:`Lanes` has it.
+    """
+
+    def __init__(self, model: Model, lane_spring: np.ndarray):
+        self._model, (self._count, self._lanes) = model, lane_spring.shape
+        self._lane_spring = model.array(lane_spring.reshape(-1), wp.int32)
+        self._law = wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device)
+        self._shared_law = wp.zeros(self._count, dtype=model.vec3, device=model.device)
+        self._shared_by = wp.zeros(self._count, dtype=wp.int32, device=model.device)
+        self.arrange()
+
+    def arrange(self) -> None:
+        """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
+        model = self._model
+        launch(
+            model.kernels.springs.arrange_lanes,
+            dim=self._count,
+            inputs=[self._lane_spring, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
+            outputs=[self._law, self._shared_law, self._shared_by],
+            device=model.device,
+        )
+
+    def of_entries(self, first: int, last: int) -> list[wp.array]:
+        """What kernels take, for some of the entries."""
+        wide = 3 * self._lanes
+        return [self._law[wide * first : wide * last], self._shared_law[first:last], self._shared_by[first:last]]

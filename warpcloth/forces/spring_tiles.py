@@ -8,7 +8,7 @@ from ..model import Model
 from ..state import State
 from . import lanes as lanes_module
 from .base import Linearization
-from .lanes import Lanes, copies
+from .lanes import LaneLaws, Lanes, copies
 
 BLOCK_TO_REACH = 4  # particles, so that no more than a quarter of the springs is evaluated twice
 
@@ -61,27 +61,19 @@ class SpringTiles:
         self._slot_start = model.array([len(block) * k // slots for k in range(slots + 1)], wp.int32)
         room = int((block[:, 1] - block[:, 0]).max()) + 2 * lane_spring.shape[1]
         self._memory = wp.zeros((slots, self._kernels.ROWS * room), dtype=model.real, device=model.device)
-        self._lane_spring = model.array(lane_spring.reshape(-1), wp.int32)
-        self._law = wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device)
-        self.arrange()
+        self._laws = LaneLaws(model, lane_spring)
+        self._inputs = [self._tiles, self._slot_start, *self._laws.of_entries(0, len(entry))]
 
     def arrange(self) -> None:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
-        model = self.model
-        launch(
-            model.kernels.springs.arrange_lanes,
-            dim=len(self._lane_spring),
-            inputs=[self._lane_spring, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
-            outputs=[self._law],
-            device=model.device,
-        )
+        self._laws.arrange()
 
     def accumulate(self, state: State) -> None:
         """Adds spring forces [N] to ``state.particle_f``."""
         launch(
             self._kernels.pull_blocks,
             dim=len(self._slot_start) - 1,
-            inputs=[self._tiles, self._slot_start, self._law, state.particle_q, state.particle_qd],
+            inputs=[*self._inputs, state.particle_q, state.particle_qd],
             outputs=[self._memory, state.particle_f],
             device=self.model.device,
         )
@@ -92,7 +84,7 @@ class SpringTiles:
         launch(
             self._kernels.multiply_blocks,
             dim=len(self._slot_start) - 1,
-            inputs=[self._tiles, self._slot_start, self._law, self.model.particle_world, *where],
+            inputs=[*self._inputs, self.model.particle_world, *where],
             outputs=[self._memory, out],
             device=self.model.device,
         )

@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from ..forces import lanes as lanes_module
-from ..forces.lanes import Lanes, copies
+from ..forces.lanes import LaneLaws, Lanes, copies
 from ..launching import fill, launch
 from ..model import Model
 from ..program import cores
@@ -55,7 +55,25 @@ def arranged(listed: np.ndarray, first: int, last: int, lanes: int) -> Lanes | N
     earliest = np.full(len(entry), len(ends))
     np.minimum.at(earliest, of_spring, np.arange(len(ends)))
     order = np.lexsort((earliest, entry[:, 0]))
-    return Lanes(block, entry[order, :3], lane_spring[order])
+    entry, lane_spring = entry[order, :3], lane_spring[order]
+    order = np.lexsort((levels(ends, lane_spring), entry[:, 0]))
+    return Lanes(block, entry[order], lane_spring[order])
+
+
+def levels(ends: np.ndarray, lane_spring: np.ndarray) -> np.ndarray:
+    """Levels of entries such that solving them level by level is the same as one after the other.
+
+    Entries of one level share no particle, so a processor has several of them at work: along the threads of a grid each
+    would wait for the one before, which took twice as long.
+    """
+    next_level: dict[int, int] = {}
+    found = np.empty(len(lane_spring), np.int64)
+    for e, row in enumerate(lane_spring):
+        particles = ends[row[row >= 0]].ravel().tolist()
+        level = max(next_level.get(i, 0) for i in particles)
+        next_level.update(dict.fromkeys(particles, level + 1))
+        found[e] = level
+    return found
 
 
 @dataclass
@@ -65,7 +83,7 @@ class Phase:
     slot_start: wp.array
     block: wp.array
     entry: wp.array
-    law: wp.array
+    law: list[wp.array]
     force: wp.array
 
 
@@ -84,15 +102,13 @@ class TileSweep:
         phase = lanes.block[lanes.entry[:, 0], 2]
         order = np.argsort(phase, kind="stable")
         entry, lane_spring = lanes.entry[order], lanes.lane_spring[order]
-        self._lane_spring = model.array(lane_spring.reshape(-1), wp.int32)
+        self._laws = LaneLaws(model, lane_spring)
         self._particle = entry[:, 1]
-        self._law, self._force = (
-            wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device) for _ in range(2)
-        )
+        self._force = wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device)
         bounds = np.searchsorted(phase[order], np.arange(PHASES + 1)).tolist()
         wide = 3 * lane_spring.shape[1]
         self._phases = [
-            self._phase(lanes.block, entry[a:b], self._law[wide * a : wide * b], self._force[wide * a : wide * b])
+            self._phase(lanes.block, entry[a:b], self._laws.of_entries(a, b), self._force[wide * a : wide * b])
             for a, b in pairwise(bounds)
             if a < b
         ]
@@ -100,9 +116,8 @@ class TileSweep:
         room = int((lanes.block[:, 1] - lanes.block[:, 0]).max()) + 2 * lane_spring.shape[1]
         slots = max(len(part.slot_start) - 1 for part in self._phases)
         self._memory = wp.zeros((slots, self._kernels.ROWS * room), dtype=model.real, device=model.device)
-        self.read_springs()
 
-    def _phase(self, block: np.ndarray, entry: np.ndarray, law: wp.array, force: wp.array) -> Phase:
+    def _phase(self, block: np.ndarray, entry: np.ndarray, law: list[wp.array], force: wp.array) -> Phase:
         model = self._model
         own, begins = np.unique(entry[:, 0], return_index=True)
         rows = np.column_stack([begins, np.append(begins[1:], len(entry)), block[own, :2]])
@@ -115,14 +130,7 @@ class TileSweep:
 
     def read_springs(self) -> None:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
-        model = self._model
-        launch(
-            model.kernels.springs.arrange_lanes,
-            dim=len(self._lane_spring),
-            inputs=[self._lane_spring, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
-            outputs=[self._law],
-            device=model.device,
-        )
+        self._laws.arrange()
 
     def reset(self) -> None:
         """Forgets the forces of the step before."""
@@ -141,7 +149,7 @@ class TileSweep:
         launch(
             self._kernels.solve_tiles,
             dim=len(own.slot_start) - 1,
-            inputs=[own.slot_start, own.block, own.entry, own.law, self._model.particle_inv_mass, start, dt, kept],
+            inputs=[own.slot_start, own.block, own.entry, *own.law, self._model.particle_inv_mass, start, dt, kept],
             outputs=[self._memory, displacement, own.force],
             device=self._model.device,
         )
