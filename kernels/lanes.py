@@ -9,6 +9,9 @@ threads are lanes already, snippets of this kind are empty: wrap them in :func:`
     only          what a mask lets through, 0 elsewhere
     among         the mask of lanes whose bit is set
     root          square root of each
+    some          the first ``count`` of eight numbers, the rest 0
+    some3, put3   the first ``count`` of eight triples side by side, as a V3, the rest 0; and back
+    each          eight numbers as triples of the same number
     unpack, pack  triples side by side (x y z x y z …) as three rows of n numbers, filled with zeros to the next
                   multiple of eight, and back
 """
@@ -18,6 +21,7 @@ from .precision import real
 LANES = 8
 
 _EVERY_THIRD = [", ".join(str(3 * k + axis) for k in range(LANES)) for axis in range(3)]
+_EACH = ", ".join(str(k // 3) for k in range(3 * LANES))
 _BITS = ", ".join(str(1 << k) for k in range(LANES))
 _XY = ", ".join(str(k) for k in range(2 * LANES))
 _Z = ", ".join([str(k) for k in range(LANES)] + ["-1"] * LANES)
@@ -34,6 +38,23 @@ _LANES_CPP = f"""
     auto only = [](V v, Mask mask) {{ return (V)((Mask)v & mask); }};
     auto among = [](int bits) {{ return (Mask{{{_BITS}}} & bits) != 0; }};
     auto root = [](V v) {{ return __builtin_elementwise_sqrt(v); }};
+    auto some = [](const R* from, int count) {{
+        V v = 0;
+        if (count >= {LANES}) __builtin_memcpy(&v, from, sizeof(V));
+        else __builtin_memcpy(&v, from, count * sizeof(R));
+        return v;
+    }};
+    auto some3 = [](const R* from, int count) {{
+        V3 v = 0;
+        if (count >= {LANES}) __builtin_memcpy(&v, from, 3 * {LANES} * sizeof(R));
+        else __builtin_memcpy(&v, from, 3 * count * sizeof(R));
+        return v;
+    }};
+    auto put3 = [](R* to, V3 v, int count) {{
+        if (count >= {LANES}) __builtin_memcpy(to, &v, 3 * {LANES} * sizeof(R));
+        else __builtin_memcpy(to, &v, 3 * count * sizeof(R));
+    }};
+    auto each = [](V v) {{ return (V3)__builtin_shufflevector(v, v, {_EACH}); }};
     auto unpack = [&](const R* from, int n, R* x, R* y, R* z) {{
         int i = 0;
         for (; i + {LANES} <= n; i += {LANES}) {{

@@ -14,6 +14,7 @@ from .collision_shapes import CollisionShapes
 from .errors import InputError
 from .kernels import KernelSet, variant_name
 from .kinematics import MovingPins, make_tracks
+from .launching import launch
 from .model_parts import Parts, parts_of_network, parts_of_worlds
 from .obstacles import Obstacle
 
@@ -175,6 +176,14 @@ class Model:
         """
         parts = parts_of_network(positions, masses, springs, rest_lengths, k_s, k_d, pinned, velocities)
         return Model(parts, device=device, precision=precision, differentiable=differentiable)
+
+    def launch_particles(self, module: str, kernel: str, inputs: Sequence[Any], outputs: Sequence[Any]) -> None:
+        """A kernel that does the same to each particle, named by its module in ``kernels/``; without gradients the CPU
+        has one for eight at once (``kernels/particle_lanes.py``)."""
+        dim, lanes = self.particle_count, self.kernels.lanes.LANES
+        if self.device.is_cpu and not self.differentiable:
+            module, dim = "particle_lanes", -(-dim // lanes)
+        launch(getattr(getattr(self.kernels, module), kernel), dim, inputs, outputs, self.device)
 
     def array(self, values: Any, dtype: type, *, requires_grad: bool = False) -> wp.array:
         """A Warp array on the model's device.

@@ -146,13 +146,8 @@ class Forces:
         """
         model = self.model
         self.evaluations += 0 if without else 1
-        launch(
-            model.kernels.particles.set_gravity_force,
-            dim=model.particle_count,
-            inputs=[model.particle_mass, model.particle_world, self.world_gravity],
-            outputs=[state.particle_f],
-            device=model.device,
-        )
+        inputs = [model.particle_mass, model.particle_world, self.world_gravity]
+        model.launch_particles("particles", "set_gravity_force", inputs, [state.particle_f])
         for term in self.terms:
             if term.name not in without:
                 term.accumulate(state, time_offset)

@@ -52,22 +52,20 @@ class PositionStep(Integrator):
 
     def predict(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
         """δ̂ of all particles; pins where they will be."""
-        kernels = model.kernels.position_step
-        launch(
-            kernels.predict,
-            dim=model.particle_count,
-            inputs=[
+        model.launch_particles(
+            "position_step",
+            "predict",
+            [
                 model.particle_inv_mass, state_in.particle_q, state_in.particle_qd, state_in.particle_f,
                 self.spring_acceleration, self.warm_start, dt,
             ],
-            outputs=[self.inertial, self.displacement, state_out.particle_q, state_out.particle_qd],
-            device=model.device,
+            [self.inertial, self.displacement, state_out.particle_q, state_out.particle_qd],
         )  # fmt: skip
         pins = model.moving_pins.particle
         if len(pins) > 0:
             drive_pins(model, state_in.world_time, dt, state_out.particle_q, state_out.particle_qd)
             launch(
-                kernels.displace_pins,
+                model.kernels.position_step.displace_pins,
                 dim=len(pins),
                 inputs=[pins, state_in.particle_q, state_out.particle_q],
                 outputs=[self.displacement],
@@ -76,12 +74,11 @@ class PositionStep(Integrator):
 
     def finish(self, model: Model, state_in: State, state_out: State, displacement: wp.array, dt: float) -> None:
         """The end of the step from its solution δ [m]."""
-        launch(
-            model.kernels.position_step.finish,
-            dim=model.particle_count,
-            inputs=[model.particle_inv_mass, state_in.particle_q, self.inertial, displacement, dt],
-            outputs=[self.spring_acceleration, state_out.particle_q, state_out.particle_qd],
-            device=model.device,
+        model.launch_particles(
+            "position_step",
+            "finish",
+            [model.particle_inv_mass, state_in.particle_q, self.inertial, displacement, dt],
+            [self.spring_acceleration, state_out.particle_q, state_out.particle_qd],
         )
 
     def reset(self) -> None:

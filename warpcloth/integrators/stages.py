@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..launching import launch
 from ..model import Model
 from ..state import State
 
@@ -57,16 +56,15 @@ def advance(
         drift: [s]. velocity_weights: w [s]. position_weights: p [s²]; missing ones are 0.
     """
     weights = model.kernels.explicit_step.weights
-    launch(
-        model.kernels.explicit_step.advance,
-        dim=model.particle_count,
-        inputs=[
+    model.launch_particles(
+        "explicit_step",
+        "advance",
+        [
             model.particle_inv_mass, start.particle_q, start.particle_qd, first_force, stages.forces,
             max(len(velocity_weights), len(position_weights), 1) - 1, drift,
             weights(*padded(position_weights)), weights(*padded(velocity_weights)),
         ],
-        outputs=[out.particle_q, out.particle_qd],
-        device=model.device,
+        [out.particle_q, out.particle_qd],
     )  # fmt: skip
 
 
