@@ -106,14 +106,18 @@ def begin_adding(
 
 @wp.kernel
 def find_roots(
+    # Model
+    group_size: wp.array(dtype=wp.int32),
     # State in
     bvh: wp.uint64,
     # Out
-    world_root_out: wp.array(dtype=wp.int32),
+    group_root_out: wp.array(dtype=wp.int32),
 ):
-    """Where the part of each world begins in a tree; it takes a search, so not in each query."""
-    w = wp.tid()
-    world_root_out[w] = wp.bvh_get_group_root(bvh, w)
+    """Where the part of each group begins in a tree, −1 for an empty one; it takes a search, so not in each query."""
+    g = wp.tid()
+    group_root_out[g] = -1
+    if group_size[g] > 0:
+        group_root_out[g] = wp.bvh_get_group_root(bvh, g)
 
 
 @wp.kernel
@@ -122,7 +126,7 @@ def find_triangle_pairs(
     thread_offset: int,
     tri_indices: wp.array2d(dtype=wp.int32),
     particle_world: wp.array(dtype=wp.int32),
-    world_root: wp.array(dtype=wp.int32),
+    group_root: wp.array(dtype=wp.int32),
     cloth_tris: int,
     # State in
     moved: wp.array(dtype=wp.int32),
@@ -135,27 +139,37 @@ def find_triangle_pairs(
     pairs_out: TrianglePairs,
 ):
     """Adds all pairs of the triangles that have moved, once each: of one world, not of two obstacles, without
-    common vertices. ``anew``: as if all had moved."""
+    common vertices. ``anew``: as if all had moved.
+
+    World w has the groups 2 w, its cloth, and 2 w + 1, its obstacles, among which these do not search.
+    """
     t = thread_offset + wp.tid()
     all = anew[0]
     if (moved[t] | all) == 0:
         return
     mine = triangle(tri_indices, t)
     way = known[t]
-    query = wp.bvh_query_aabb(bvh, known_lower[t], known_upper[t], world_root[particle_world[mine[0]]])
-    u = int(0)
-    while wp.bvh_query_next(query, u):
-        if u == t or (t >= cloth_tris and u >= cloth_tris) or (u < t and (moved[u] | all) == 1):
+    groups = int(2)
+    if t >= cloth_tris:
+        groups = 1
+    for group in range(groups):
+        root = group_root[2 * particle_world[mine[0]] + group]
+        if root < 0:
             continue
-        if common_vertex(mine, triangle(tri_indices, u)):
-            continue
-        if may_meet(way, known[u]):
-            n = count_up(pairs_out.added, 0, 1)
-            place = pairs_out.count[0] + n - pairs_out.holes[0]
-            if n < pairs_out.holes[0]:
-                place = pairs_out.hole[pairs_out.holes[0] - 1 - n]
-            if place < pairs_out.pair.shape[0]:
-                pairs_out.pair[place] = wp.vec2i(wp.min(t, u), wp.max(t, u))  # an order that does not tell what moved
+        query = wp.bvh_query_aabb(bvh, known_lower[t], known_upper[t], root)
+        u = int(0)
+        while wp.bvh_query_next(query, u):
+            if u == t or (u < t and (moved[u] | all) == 1):
+                continue
+            if common_vertex(mine, triangle(tri_indices, u)):
+                continue
+            if may_meet(way, known[u]):
+                n = count_up(pairs_out.added, 0, 1)
+                place = pairs_out.count[0] + n - pairs_out.holes[0]
+                if n < pairs_out.holes[0]:
+                    place = pairs_out.hole[pairs_out.holes[0] - 1 - n]
+                if place < pairs_out.pair.shape[0]:
+                    pairs_out.pair[place] = wp.vec2i(wp.min(t, u), wp.max(t, u))  # whichever has moved
 
 
 @wp.kernel
