@@ -120,6 +120,46 @@ def find_roots(
         group_root_out[g] = wp.bvh_get_group_root(bvh, g)
 
 
+@wp.func
+def groups_of(t: int, cloth_tris: int):
+    """How many of its world's two groups of a tree triangle t searches: obstacles only the first, cloth."""
+    groups = int(2)
+    if t >= cloth_tris:
+        groups = 1
+    return groups
+
+
+@wp.func
+def list_pair(t: int, u: int, pairs_out: TrianglePairs):
+    """Adds a pair."""
+    n = count_up(pairs_out.added, 0, 1)
+    place = pairs_out.count[0] + n - pairs_out.holes[0]
+    if n < pairs_out.holes[0]:
+        place = pairs_out.hole[pairs_out.holes[0] - 1 - n]
+    if place < pairs_out.pair.shape[0]:
+        pairs_out.pair[place] = wp.vec2i(wp.min(t, u), wp.max(t, u))  # an order that does not tell what moved
+
+
+@wp.func
+def add_pair(
+    t: int,
+    u: int,
+    mine: wp.vec3i,
+    tri_indices: wp.array2d(dtype=wp.int32),
+    moved: wp.array(dtype=wp.int32),
+    all: int,
+    known: wp.array(dtype=Way),
+    pairs_out: TrianglePairs,
+):
+    """Adds triangles t, which has moved, and u, if they may meet, have no common vertices, and u does not find t."""
+    if u == t or (u < t and (int_at(moved, u) | all) == 1):
+        return
+    if common_vertex(mine, triangle(tri_indices, u)):
+        return
+    if may_meet(known[t], known[u]):
+        list_pair(t, u, pairs_out)
+
+
 @wp.kernel
 def find_triangle_pairs(
     # Model
@@ -144,32 +184,17 @@ def find_triangle_pairs(
     World w has the groups 2 w, its cloth, and 2 w + 1, its obstacles, among which these do not search.
     """
     t = thread_offset + wp.tid()
-    all = anew[0]
-    if (moved[t] | all) == 0:
+    if (moved[t] | anew[0]) == 0:
         return
     mine = triangle(tri_indices, t)
-    way = known[t]
-    groups = int(2)
-    if t >= cloth_tris:
-        groups = 1
-    for group in range(groups):
+    for group in range(groups_of(t, cloth_tris)):
         root = group_root[2 * particle_world[mine[0]] + group]
         if root < 0:
             continue
         query = wp.bvh_query_aabb(bvh, known_lower[t], known_upper[t], root)
         u = int(0)
         while wp.bvh_query_next(query, u):
-            if u == t or (u < t and (moved[u] | all) == 1):
-                continue
-            if common_vertex(mine, triangle(tri_indices, u)):
-                continue
-            if may_meet(way, known[u]):
-                n = count_up(pairs_out.added, 0, 1)
-                place = pairs_out.count[0] + n - pairs_out.holes[0]
-                if n < pairs_out.holes[0]:
-                    place = pairs_out.hole[pairs_out.holes[0] - 1 - n]
-                if place < pairs_out.pair.shape[0]:
-                    pairs_out.pair[place] = wp.vec2i(wp.min(t, u), wp.max(t, u))  # whichever has moved
+            add_pair(t, u, mine, tri_indices, moved, anew[0], known, pairs_out)
 
 
 @wp.kernel

@@ -3,11 +3,12 @@
 import numpy as np
 import warp as wp
 
-from ..launching import fill, launch, only_if, refit
+from ..launching import fill, launch, only_if
 from ..model import Model
-from ..surface import Surface, triangle_worlds
+from ..surface import Surface
 from .fans import fans_of
 from .pair_list import PairList, loop_width
+from .trees import BinaryTree, WideTree
 
 ROOM = 0.05  # of an edge's length: how far a triangle may stray before its neighbours are looked up again
 AHEAD = 0.4  # of an edge's length: how far ahead of a slow triangle they are looked up
@@ -34,7 +35,8 @@ class PairFinder:
         self.room, self.ahead = ROOM * surface.edge, AHEAD * surface.edge
         self.width = loop_width(device)
         self._allocate(4 * tris)
-        self._grow_tree()
+        self._tree = self._grow_tree()
+        self.forget()
         self.relative = surface.positions()
         sizes = np.bincount(model.particle_world.numpy(), minlength=model.world_count)
         self.share = model.array(1.0 / np.maximum(sizes, 1), wp.float64)
@@ -126,18 +128,12 @@ class PairFinder:
         self.known.peak = self.peak
         self.forget()
 
-    def _grow_tree(self) -> None:
-        """A tree of the triangles at rest, with two parts for each world, as worlds are all in one place: its cloth,
-        and its obstacles. A fast mesh that searched among its own triangles would find most of them each time."""
-        surface, count = self.surface, 2 * self.model.world_count
+    def _grow_tree(self) -> BinaryTree | WideTree:
+        """A tree of the triangles at rest."""
+        surface = self.surface
         self._bound(surface.rest, surface.rest, self.everything, 0.0)
-        groups = 2 * triangle_worlds(surface.tri_indices, surface.world).numpy()
-        groups[surface.cloth_tris :] += 1
-        self._tree = wp.Bvh(self.known_lower, self.known_upper, groups=self.model.array(groups, wp.int32))
-        sizes = self.model.array(np.bincount(groups, minlength=count), wp.int32)
-        self._group_root = wp.zeros(count, dtype=wp.int32, device=self.model.device)
-        self._launch(self.kernels.contact_candidates.find_roots, count, [sizes, self._tree.id], [self._group_root])
-        self.forget()
+        kind = WideTree if self.model.device.is_cpu else BinaryTree
+        return kind(self.model, surface, self.known_lower, self.known_upper)
 
     def _bound(
         self, start: wp.array, end: wp.array, active: wp.array, margin: float, stray: float = 0.0
@@ -158,18 +154,10 @@ class PairFinder:
 
     def _renew_known(self) -> None:
         """Looks up the pairs of triangles that have left their known ways."""
-        surface, kernels, known = self.surface, self.kernels.contact_candidates, self.known
+        kernels, known = self.kernels.contact_candidates, self.known
         self._launch(kernels.drop_pairs, self.width, [self.width, self.moved], [known])
         self._launch(kernels.begin_adding, 1, [], [known, self.anew])
-        refit(self._tree)
-        self._launch(
-            kernels.find_triangle_pairs, surface.tri_count,
-            [
-                surface.tri_indices, surface.world, self._group_root, surface.cloth_tris, self.moved, self.anew,
-                self.known_way, self.known_lower, self.known_upper, self._tree.id,
-            ],
-            [known],
-        )  # fmt: skip
+        self._tree.find(self.moved, self.anew, self.known_way, known)
         self._launch(kernels.end_adding, 1, [], [known])
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
