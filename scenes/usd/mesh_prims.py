@@ -24,7 +24,7 @@ class MeshPrim:
         self.mesh = UsdGeom.Mesh.Define(stage, path)
         self.prim = self.mesh.GetPrim()
         self.count = len(points)
-        self.triangles = np.asarray(triangles)
+        self.triangles = np.asarray(triangles, np.intp, order="F")  # as normals are summed
         self.mesh.CreateFaceVertexCountsAttr(integers(np.full(len(triangles), 3)))
         self.mesh.CreateFaceVertexIndicesAttr(integers(triangles))
         self.mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)

@@ -33,10 +33,18 @@ def _area_vectors(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Face normal × twice the face area [m²], shape [3, m]: a row for each axis, a quarter of the time of columns."""
     rows = np.ascontiguousarray(np.asarray(points).T, np.float64)
     origin, second, third = (rows.take(corner, axis=1) for corner in corners)
-    (ax, ay, az), (bx, by, bz) = second - origin, third - origin
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+    second -= origin
+    third -= origin
+    out = np.empty_like(origin)
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        np.multiply(second[i], third[j], out=out[k])
+        out[k] -= second[j] * third[i]
+    return out
 
 
 def _gather(per_face: np.ndarray, corners: np.ndarray, count: int) -> np.ndarray:
     """What each vertex gets from its faces, shape [count]."""
-    return sum((np.bincount(corner, per_face, count) for corner in corners), np.zeros(count))
+    total = np.zeros(count)
+    for corner in corners:
+        total += np.bincount(corner, per_face, count)
+    return total
