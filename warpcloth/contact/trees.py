@@ -63,7 +63,7 @@ class WideTree:
         self._level_sizes = [int(sizes.sum()) for sizes in levels]
         self._tree = self._shape(orders, levels, triangles)
         leaves = self._level_sizes[0]
-        empty = np.repeat(np.float32([1e30, -1e30]), 3 * width)
+        empty = np.repeat(np.array([1e30, -1e30], np.float32), 3 * width)
         self._contents = self._kernels.Contents()
         self._contents.box = model.array(np.tile(empty, sum(self._level_sizes) - leaves), wp.float32)
         self._contents.way = model.array(np.tile(empty, 2 * leaves), wp.float32)
