@@ -281,7 +281,8 @@ def found_in(tree_kind: type, model: wc.Model, moved: np.ndarray, anew: bool) ->
     surface, rng = Surface(model), np.random.default_rng(5)
     finder = PairFinder(model, surface)
     finder._bound(surface.rest, surface.rest, finder.everything, 0.0)
-    tree = tree_kind(model, surface, finder.known_lower, finder.known_upper)
+    boxes = [finder.known_lower, finder.known_upper] if tree_kind is BinaryTree else []
+    tree = tree_kind(model, surface, *boxes)
     end = surface.positions()
     end.assign(surface.rest.numpy() + rng.normal(0.0, 0.03, (surface.particle_count, 3)))
     finder._bound(surface.rest, end, finder.everything, 0.001)

@@ -132,8 +132,9 @@ class PairFinder:
         """A tree of the triangles at rest."""
         surface = self.surface
         self._bound(surface.rest, surface.rest, self.everything, 0.0)
-        kind = WideTree if self.model.device.is_cpu else BinaryTree
-        return kind(self.model, surface, self.known_lower, self.known_upper)
+        if self.model.device.is_cpu:
+            return WideTree(self.model, surface)
+        return BinaryTree(self.model, surface, self.known_lower, self.known_upper)
 
     def _bound(
         self, start: wp.array, end: wp.array, active: wp.array, margin: float, stray: float = 0.0

@@ -47,13 +47,13 @@ class BinaryTree:
 
 
 class WideTree:
-    """A tree of boxes with eight children a node (``kernels/contact_tree.py``); it does not need their corners.
+    """A tree of boxes with eight children a node (``kernels/contact_tree.py``).
 
     Args:
         model: the model. surface: its triangles, whose places at rest decide who is near whom in the tree.
     """
 
-    def __init__(self, model: Model, surface: Surface, lower: wp.array, upper: wp.array):
+    def __init__(self, model: Model, surface: Surface):
         self._kernels, self._surface, self._device = model.kernels.contact_tree, surface, model.device
         width, triangles = self._kernels.WIDTH, surface.tri_indices.numpy().reshape(-1, 3)
         middle = surface.rest.numpy()[triangles].mean(axis=1)
