@@ -1,4 +1,4 @@
-"""Stiffness and damping matrices of bending, never stored: their products and 3×3 diagonal blocks.
+"""Stiffness and damping matrices of bending: their products, their 3×3 blocks on the diagonal, and all of these.
 
 Both come from the law of ``bending_law.py``. K leaves out how moments turn with the tangents they are written in (Gauss
 and Newton), and how damping changes as cloth moves: then it is positive semi-definite, exact for cloth that is flat at
@@ -9,9 +9,10 @@ import sys
 
 import warp as wp
 
-from .bending import BendingModel, Moments, entry_force, entry_tangent, tangent_sum, weighted_sum
-from .bending_law import damping_direction, friction_scale, friction_tangent
-from .precision import FORWARD_ONLY, mat33, real, vec3
+from .bending import BendingModel, Moments, element_sums, entry_force, entry_tangent, tangent_sum, weighted_sum
+from .bending_law import damping_direction, friction_matrix, friction_tangent
+from .block_rows import BlockRows
+from .precision import FORWARD_ONLY, mat33, real, vec2, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
@@ -113,12 +114,56 @@ def gather_products(
     product_out[i] = total
 
 
+@wp.struct
+class EntryMatrices:
+    """Blocks of a K + b C between an entry and the others of its element: w_j plain + α_j along + β_j across."""
+
+    plain: mat33
+    along: mat33
+    across: mat33
+
+
 @wp.func
-def measure_gradient(elements: BendingModel, k: int, curvature: real, t1: vec3, t2: vec3):
-    """Derivative of d − κ c with respect to the particle of entry k, a 3×3 matrix."""
-    tangent = elements.tangent[k]
-    turn = curvature * (tangent[0] * wp.skew(t2) - tangent[1] * wp.skew(t1))
-    return mat33(elements.weight[k] * wp.identity(n=3, dtype=real) + turn)
+def entry_matrices(
+    elements: BendingModel,
+    e: int,
+    k: int,
+    slip: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    a: real,
+    b: real,
+):
+    """What entry k has with the others. With the measures d − κ c and d − p c, whose derivatives with respect to the
+    particle of entry j are w_j I + κ (α_j [t₂]× − β_j [t₁]×), and with p for κ: Gᵀ k G + Hᵀ M H."""
+    law = elements.law[e]
+    w = elements.weight[k]
+    identity = wp.identity(n=3, dtype=real)
+    sums = element_sums(elements, e, particle_q)
+    result = EntryMatrices()
+    if elements.turning == 1:
+        first = wp.skew(sums.t1)
+        second = wp.skew(sums.t2)
+        tangent = elements.tangent[k]
+        turned = tangent[1] * first - tangent[0] * second  # transposed
+        r = sums.d - slip[e] * wp.cross(sums.t1, sums.t2)
+        elastic = mat33((a * law[0]) * (w * identity + law[2] * turned))
+        friction = mat33((w * identity + slip[e] * turned) * friction_matrix(r, elements.friction[e]))
+        leaning = mat33(law[2] * elastic + (a * slip[e]) * friction)
+        result.plain = elastic + a * friction
+        result.along = leaning * second
+        result.across = -(leaning * first)
+    else:
+        result.plain = mat33((a * law[0] * w) * identity)
+    if law[1] > real(0.0):
+        direction = damping_direction(sums.d)
+        result.plain = result.plain + (b * law[1] * w) * wp.outer(direction, direction)
+    return result
+
+
+@wp.func
+def entry_block(weight: real, tangent: vec2, m: EntryMatrices):
+    """The block with an entry of this weight and these tangents."""
+    return mat33(weight * m.plain + tangent[0] * m.along + tangent[1] * m.across)
 
 
 @wp.kernel
@@ -139,30 +184,44 @@ def diagonal(
 ):
     """Adds the 3×3 blocks on the diagonal of a K + b C, one thread per particle."""
     i = thread_offset + wp.tid()
-    identity = wp.identity(n=3, dtype=real)
     total = mat33()
+    for row in range(row_start[i], row_start[i + 1]):
+        k = row_entry[row]
+        m = entry_matrices(elements, row_element[row], k, slip, particle_q, a, b)
+        total += entry_block(elements.weight[k], entry_tangent(elements.tangent, elements.turning, k), m)
+    blocks_out[i] = blocks_out[i] + total
+
+
+@wp.kernel
+def add_blocks(
+    # Model
+    thread_offset: int,
+    elements: BendingModel,
+    row_start: wp.array(dtype=wp.int32),
+    row_entry: wp.array(dtype=wp.int32),
+    row_element: wp.array(dtype=wp.int32),
+    pair_start: wp.array(dtype=wp.int32),
+    pair_slot: wp.array(dtype=wp.int32),
+    # State in
+    slip: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    a: real,
+    b: real,
+    # Out
+    rows_out: BlockRows,
+):
+    """Adds a K + b C, one thread per particle; the pair (k, j) of the n entries of element e is number
+    ``pair_start[e]`` + k n + j."""
+    i = thread_offset + wp.tid()
     for row in range(row_start[i], row_start[i + 1]):
         e = row_element[row]
         k = row_entry[row]
-        law = elements.law[e]
-        w = elements.weight[k]
-        d = weighted_sum(elements, e, particle_q)
-        if elements.turning == 1:
-            t1 = tangent_sum(elements, e, particle_q, 0)
-            t2 = tangent_sum(elements, e, particle_q, 1)
-            friction = elements.friction[e]
-            r = d - slip[e] * wp.cross(t1, t2)
-            scale = friction_scale(r, friction[0], friction[1])
-            stiff = scale * identity
-            if scale < friction[0]:
-                n = wp.normalize(r)
-                stiff = scale * (identity - wp.outer(n, n))
-            g = measure_gradient(elements, k, law[2], t1, t2)
-            h = measure_gradient(elements, k, slip[e], t1, t2)
-            total += a * (law[0] * wp.transpose(g) * g + wp.transpose(h) * stiff * h)
-        else:
-            total += (a * law[0] * w * w) * identity
-        if law[1] > real(0.0):
-            direction = damping_direction(d)
-            total += (b * law[1] * w * w) * wp.outer(direction, direction)
-    blocks_out[i] = blocks_out[i] + total
+        first = elements.start[e]
+        count = elements.start[e + 1] - first
+        pair = pair_start[e] + (k - first) * count
+        m = entry_matrices(elements, e, k, slip, particle_q, a, b)
+        for j in range(count):
+            s = pair_slot[pair + j]
+            if s >= 0:
+                tangent = entry_tangent(elements.tangent, elements.turning, first + j)
+                rows_out.block[s] = rows_out.block[s] + entry_block(elements.weight[first + j], tangent, m)

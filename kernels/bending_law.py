@@ -24,7 +24,7 @@ Forces are f_i = −w_i M + α_i t₂ × N + β_i N × t₁ with N = κ₀ k (d 
 
 import warp as wp
 
-from .precision import real, vec3
+from .precision import mat33, real, vec2, vec3
 
 FLAT_CURVATURE = wp.constant(1.0)  # δ [1/m]
 
@@ -57,6 +57,18 @@ def friction_tangent(r: vec3, dr: vec3, friction_stiffness: real, slip_moment: r
         n = wp.normalize(r)
         moved = scale * (dr - wp.dot(n, dr) * n)
     return moved
+
+
+@wp.func
+def friction_matrix(r: vec3, friction: vec2):
+    """That derivative as a matrix; ``friction`` is (stiffness, slip moment)."""
+    identity = wp.identity(n=3, dtype=real)
+    scale = friction_scale(r, friction[0], friction[1])
+    m = mat33(scale * identity)
+    if scale < friction[0]:
+        n = wp.normalize(r)
+        m = scale * (identity - wp.outer(n, n))
+    return m
 
 
 @wp.func

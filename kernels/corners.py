@@ -12,6 +12,7 @@ wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 @wp.kernel
 def add_corners(
     # Model
+    thread_offset: int,
     particle_corner_start: wp.array(dtype=wp.int32),
     particle_corner_ids: wp.array(dtype=wp.int32),
     tri_corner_share: wp.array(dtype=vec3),
@@ -21,7 +22,7 @@ def add_corners(
     particle_out: wp.array(dtype=vec3),
 ):
     """Adds to each particle its share of each of its triangles; corner c is the (c mod 3)rd of triangle c/3."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     total = particle_out[i]
     for k in range(particle_corner_start[i], particle_corner_start[i + 1]):
         t = particle_corner_ids[k] // 3

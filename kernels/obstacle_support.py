@@ -171,6 +171,7 @@ def block(stiffness: mat33, damping: mat33, sliding: mat33, project: real, a: re
 @wp.kernel(enable_backward=False)
 def products(
     # Model
+    thread_offset: int,
     particle_world: wp.array(dtype=wp.int32),
     # State in
     world_project: wp.array(dtype=real),
@@ -184,7 +185,7 @@ def products(
     product_out: wp.array(dtype=vec3),
 ):
     """Adds (a K + b C) x."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     project = world_project[particle_world[i]]
     product_out[i] = product_out[i] + block(stiffness[i], damping[i], sliding[i], project, a, b) * x[i]
 
@@ -192,6 +193,7 @@ def products(
 @wp.kernel(enable_backward=False)
 def diagonal(
     # Model
+    thread_offset: int,
     particle_world: wp.array(dtype=wp.int32),
     # State in
     world_project: wp.array(dtype=real),
@@ -204,6 +206,6 @@ def diagonal(
     blocks_out: wp.array(dtype=mat33),
 ):
     """Adds a K + b C."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     project = world_project[particle_world[i]]
     blocks_out[i] = blocks_out[i] + block(stiffness[i], damping[i], sliding[i], project, a, b)

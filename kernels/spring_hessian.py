@@ -1,4 +1,4 @@
-"""Stiffness and damping matrices of a spring network, never stored: their products and 3×3 diagonal blocks.
+"""Stiffness and damping matrices of a spring network: products, 3×3 blocks on the diagonal, and all of these.
 
 Both come from the law of ``spring_law.py``. The matrix is a K + b C with K = −∂f/∂x of the elastic force and
 C = −∂f/∂v; of what changes in the damping force as the spring turns, the symmetric part.
@@ -8,6 +8,7 @@ import sys
 
 import warp as wp
 
+from .block_rows import BlockRows
 from .precision import FORWARD_ONLY, mat33, real, vec3
 from .spring_law import spring_damping_matrix, spring_tangent_matrix
 
@@ -122,3 +123,42 @@ def diagonal(
         u = particle_qd[ends[1]] - particle_qd[ends[0]]
         total += spring_matrix(d, u, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
     blocks_out[i] = blocks_out[i] + total
+
+
+@wp.kernel
+def add_blocks(
+    # Model
+    thread_offset: int,
+    particle_spring_start: wp.array(dtype=wp.int32),
+    particle_spring_ids: wp.array(dtype=wp.int32),
+    end_slot: wp.array(dtype=wp.int32),
+    particle_world: wp.array(dtype=wp.int32),
+    spring_indices: wp.array(dtype=wp.vec2i),
+    spring_rest_length: wp.array(dtype=real),
+    spring_stiffness: wp.array(dtype=real),
+    spring_damping: wp.array(dtype=real),
+    # State in
+    world_project: wp.array(dtype=real),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    a: real,
+    b: real,
+    # Out
+    rows_out: BlockRows,
+):
+    """Adds a K + b C, one thread per particle; ``end_slot`` has the block of the first end of spring s with the second
+    at 2 s, that of the second with the first at 2 s + 1, and −1 for springs left out."""
+    i = thread_offset + wp.tid()
+    project = world_project[particle_world[i]]
+    for j in range(particle_spring_start[i], particle_spring_start[i + 1]):
+        s = particle_spring_ids[j]
+        ends = spring_indices[s]
+        slot = end_slot[2 * s]
+        if i == ends[1]:
+            slot = end_slot[2 * s + 1]
+        if slot < 0:
+            continue
+        d = particle_q[ends[1]] - particle_q[ends[0]]
+        u = particle_qd[ends[1]] - particle_qd[ends[0]]
+        m = spring_matrix(d, u, spring_rest_length[s], spring_stiffness[s], spring_damping[s], project, a, b)
+        rows_out.block[slot] = rows_out.block[slot] - m

@@ -10,7 +10,7 @@ from .air import Air
 from .backup import Backup
 from .contact import CONTACTS, ContactStage
 from .force_terms import force_terms, world_gravity
-from .forces import Forces, Grabs
+from .forces import BlockMatrix, Forces, Grabs
 from .forces.grabs import Hold
 from .forces.user import UserForce
 from .frames import Frames
@@ -104,6 +104,9 @@ class Simulation:
         if self.contact.support is not None:
             self.forces.terms.append(self.contact.support)
         self.forces.terms += own
+        if self.integrator.linearizes:
+            matrix = BlockMatrix(model, self.forces.terms)
+            self.forces.blocks = matrix if matrix.terms else None
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other = self.state.twin()

@@ -1,5 +1,8 @@
 """Obstacles as a force term of implicit steps; the method is described in ``kernels/obstacle_support.py``."""
 
+from typing import Any
+
+import numpy as np
 import warp as wp
 
 from ..forces import Linearization
@@ -92,6 +95,14 @@ class ObstacleSupport:
     def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
         """Adds the 3×3 diagonal blocks of a K + b C to ``out``."""
         self._launch("diagonal", at, [], out)
+
+    def couplings(self) -> np.ndarray:
+        """None between particles; see :class:`~warpcloth.forces.Assembled`."""
+        return np.zeros((0, 2), np.int32)
+
+    def add_blocks(self, at: Linearization, slots: wp.array, rows: Any) -> None:
+        """Adds a K + b C, of the latest forces, to ``rows``."""
+        self.hessian_diagonal(at, rows.own)
 
     def _launch(self, kernel: str, at: Linearization, x: list, out: wp.array) -> None:
         model = self.model

@@ -3,6 +3,7 @@
 from .air import AirDrag
 from .base import Differentiable, Forces, ForceTerm, Hessian, Linearization
 from .bending import Bending
+from .block_matrix import Assembled, BlockMatrix
 from .grabs import Grabs
 from .mass_damping import MassDamping
 from .pressure import Pressure
@@ -12,6 +13,7 @@ from .user import AppliedForce, UserForce
 from .woven import Woven
 
 __all__ = [
-    "ASSEMBLIES", "AirDrag", "AppliedForce", "Bending", "Differentiable", "ForceTerm", "Forces", "Grabs", "Hessian",
-    "Linearization", "MassDamping", "Pressure", "Springs", "StrainLimit", "UserForce", "Woven",
+    "ASSEMBLIES", "AirDrag", "AppliedForce", "Assembled", "Bending", "BlockMatrix", "Differentiable", "ForceTerm",
+    "Forces", "Grabs", "Hessian", "Linearization", "MassDamping", "Pressure", "Springs", "StrainLimit", "UserForce",
+    "Woven",
 ]  # fmt: skip

@@ -12,6 +12,7 @@ from ..launching import launch
 from ..model import Model
 from ..state import State
 from .base import Linearization
+from .block_matrix import corner_pairs
 
 WIND_FIELDS = ("density", "mean", "gust", "gust_rate", "start", "wave", "amplitude", "rate", "phase")
 
@@ -69,7 +70,7 @@ class AirDrag:
         model, state = self.model, at.state
         where = [at.world_project, state.world_time, state.particle_q, state.particle_qd, x, at.damping]
         launch(
-            model.kernels.air.triangle_products,
+            model.kernels.air_hessian.triangle_products,
             dim=model.tri_count,
             inputs=[*self._law(), *where],
             outputs=[self._per_triangle],
@@ -83,10 +84,27 @@ class AirDrag:
         rows = [model.particle_corner_start, model.particle_corner_ids]
         where = [at.world_project, state.world_time, state.particle_q, state.particle_qd, at.damping]
         launch(
-            model.kernels.air.diagonal,
+            model.kernels.air_hessian.diagonal,
             dim=model.particle_count,
             inputs=[*rows, *self._law(), *where],
             outputs=[out],
+            device=model.device,
+        )
+
+    def couplings(self) -> np.ndarray:
+        """All pairs of corners of each triangle; see :class:`~warpcloth.forces.block_matrix.Assembled`."""
+        return corner_pairs(self.model.tri_indices.numpy())
+
+    def add_blocks(self, at: Linearization, slots: wp.array, rows: Any) -> None:
+        """Adds b C to ``rows``; see :class:`~warpcloth.forces.block_matrix.Assembled`."""
+        model, state = self.model, at.state
+        corners = [model.particle_corner_start, model.particle_corner_ids, slots]
+        where = [at.world_project, state.world_time, state.particle_q, state.particle_qd, at.damping]
+        launch(
+            model.kernels.air_hessian.add_blocks,
+            dim=model.particle_count,
+            inputs=[*corners, *self._law(), *where],
+            outputs=[rows],
             device=model.device,
         )
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import warp as wp
 
@@ -102,6 +102,17 @@ class Differentiable(Protocol):
         ...
 
 
+class Blocks(Protocol):
+    """The matrix of some of the terms, written down; see :class:`~warpcloth.forces.block_matrix.BlockMatrix`."""
+
+    @property
+    def terms(self) -> Sequence[Any]: ...
+
+    def assemble(self, at: Linearization) -> None: ...
+
+    def multiply(self, at: Linearization, x: wp.array, out: wp.array) -> None: ...
+
+
 class Forces:
     """Gravity and all force terms of a simulation.
 
@@ -109,6 +120,9 @@ class Forces:
         model: the model.
         terms: force terms, applied in this order.
         world_gravity: gravitational acceleration of each world [m/s²], vec3, shape [world_count].
+
+    Attributes:
+        blocks: where :meth:`linearize` writes matrices down; None: nowhere.
     """
 
     def __init__(self, model: Model, terms: Sequence[ForceTerm], world_gravity: wp.array):
@@ -116,6 +130,8 @@ class Forces:
         self.terms = list(terms)
         self.world_gravity = world_gravity
         self.evaluations = 0
+        self.blocks: Blocks | None = None
+        self._linearized: Linearization | None = None
 
     @property
     def velocity_dependent(self) -> bool:
@@ -152,10 +168,24 @@ class Forces:
             if term.name not in without:
                 term.accumulate(state, time_offset)
 
+    def linearize(self, at: Linearization) -> None:
+        """The start of many products at one state, with this very ``at``: what can be is computed once for all of them.
+
+        To be called again when the state has changed.
+        """
+        if self.blocks is not None:
+            self.blocks.assemble(at)
+            self._linearized = at
+
     def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
         """Adds (a K + b C) x of all terms to ``out``; both vec3, shape [particle_count], not the same array."""
+        written: Sequence[Any] = ()
+        if self.blocks is not None and self._linearized is at:
+            self.blocks.multiply(at, x, out)
+            written = self.blocks.terms
         for term in self.terms:
-            term.hessian_product(at, x, out)
+            if term not in written:
+                term.hessian_product(at, x, out)
 
     def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
         """Adds the 3×3 diagonal blocks of a K + b C of all terms to ``out``, mat33, shape [particle_count]."""

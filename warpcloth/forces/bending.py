@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from .. import validate
@@ -43,6 +44,8 @@ class Bending:
         self.slip = wp.zeros(model.bend_count, dtype=model.real, **wide)
         count = model.bend_count if self.gathers else 0
         self._moments = wp.zeros(count, dtype=model.kernels.bending.Moments, **wide)
+        pairs = np.diff(self.elements.start.numpy()) ** 2
+        self._pair_start = model.array(np.concatenate([[0], np.cumsum(pairs)]), wp.int32)
         self._rows = [model.particle_bend_start, model.particle_bend_ids, model.particle_bend_elements]
 
     def accumulate(self, state: State, time_offset: float) -> None:
@@ -71,6 +74,25 @@ class Bending:
             dim=self.model.particle_count,
             inputs=[self.elements, *self._rows, self.slip, at.state.particle_q, at.stiffness, at.damping],
             outputs=[out],
+            device=self.model.device,
+        )
+
+    def couplings(self) -> np.ndarray:
+        """All pairs of entries of each element; see :class:`~warpcloth.forces.block_matrix.Assembled`."""
+        start, particle = self.elements.start.numpy(), self.elements.particle.numpy()
+        counts = np.diff(start)
+        element = np.repeat(np.arange(len(counts)), counts**2)
+        first, second = np.divmod(np.arange(len(element)) - self._pair_start.numpy()[element], counts[element])
+        return particle[start[element, None] + np.stack([first, second], axis=1)]
+
+    def add_blocks(self, at: Linearization, slots: wp.array, rows: Any) -> None:
+        """Adds a K + b C to ``rows``; see :class:`~warpcloth.forces.block_matrix.Assembled`."""
+        pairs = [self._pair_start, slots]
+        launch(
+            self.model.kernels.bending_hessian.add_blocks,
+            dim=self.model.particle_count,
+            inputs=[self.elements, *self._rows, *pairs, self.slip, at.state.particle_q, at.stiffness, at.damping],
+            outputs=[rows],
             device=self.model.device,
         )
 

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from .. import validate
@@ -44,6 +45,14 @@ class MassDamping(UserForce):
     def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
         """Adds the diagonal blocks of b C to ``out``."""
         self._add("add_diagonal", at.damping * self.rate, [], out)
+
+    def couplings(self) -> np.ndarray:
+        """None between particles; see :class:`~warpcloth.forces.block_matrix.Assembled`."""
+        return np.zeros((0, 2), np.int32)
+
+    def add_blocks(self, at: Linearization, slots: wp.array, rows: Any) -> None:
+        """Adds b C to ``rows``."""
+        self.hessian_diagonal(at, rows.own)
 
     def _add(self, kernel: str, rate: float, inputs: list[Any], out: wp.array) -> None:
         model = self.model

@@ -1,5 +1,7 @@
 """The springs of the model as a force term."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -42,7 +44,7 @@ class Springs:
             lanes, left = in_lanes(model, arranged)
             self._parts += [SpringTiles(model, lanes, ranges)] if len(lanes.entry) else []
             self._parts += [SpringRows(model, np.flatnonzero(left), ranges)] if left.any() else []
-        self._left_count = int(np.count_nonzero(left))
+        self._is_left, self._left_count = left, int(np.count_nonzero(left))
         self._left = model.array(np.flatnonzero(left) if self._parts else np.zeros(0), wp.int32)  # none named: all
         self.velocity_dependent = bool(model.spring_damping.numpy().any())
 
@@ -68,9 +70,7 @@ class Springs:
 
     def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
         """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
-        for part in self._parts:
-            if isinstance(part, SpringTiles):
-                part.multiply(at, x, out)
+        self.multiply_rest(at, x, out)
         model, rows = self.model, [self._left]
         kernel, dim = model.kernels.spring_hessian.scatter_products, self._left_count
         if self.assembly == "gather":
@@ -92,6 +92,35 @@ class Springs:
             outputs=[out],
             device=model.device,
         )
+
+    def couplings(self) -> np.ndarray:
+        """Both ends with each other, but of springs that go eight at a time, whose products are faster.
+
+        See :class:`~warpcloth.forces.block_matrix.PartlyAssembled`.
+        """
+        ends = self.model.spring_indices.numpy()
+        pairs = np.stack([ends, ends[:, ::-1]], axis=1)
+        pairs[~self._is_left, :, 1] = pairs[~self._is_left, :, 0]
+        return pairs.reshape(-1, 2)
+
+    def add_blocks(self, at: Linearization, slots: wp.array, rows: Any) -> None:
+        """Adds a K + b C to ``rows``; see :class:`~warpcloth.forces.block_matrix.Assembled`."""
+        model = self.model
+        own = [model.particle_spring_start, model.particle_spring_ids, slots, model.particle_world]
+        where = [at.world_project, at.state.particle_q, at.state.particle_qd, at.stiffness, at.damping]
+        launch(
+            model.kernels.spring_hessian.add_blocks,
+            dim=model.particle_count,
+            inputs=[*own, *self._law(), *where],
+            outputs=[rows],
+            device=model.device,
+        )
+
+    def multiply_rest(self, at: Linearization, x: wp.array, out: wp.array) -> None:
+        """Adds (a K + b C) x of springs that go eight at a time."""
+        for part in self._parts:
+            if isinstance(part, SpringTiles):
+                part.multiply(at, x, out)
 
     def parameters(self) -> dict[str, wp.array]:
         """Rest lengths [m], k_s [N] and k_d [N s], shape [spring_count]."""

@@ -10,6 +10,7 @@ from ..launching import launch
 from ..model import Model
 from ..state import State
 from .base import Linearization
+from .block_matrix import corner_pairs
 from .springs import ASSEMBLIES
 
 
@@ -65,6 +66,22 @@ class Woven:
             dim=model.particle_count,
             inputs=[model.particle_world, model.woven, *self._rows, *where],
             outputs=[out],
+            device=model.device,
+        )
+
+    def couplings(self) -> np.ndarray:
+        """All pairs of corners of each triangle; see :class:`~warpcloth.forces.block_matrix.Assembled`."""
+        return corner_pairs(self.model.woven.corners.numpy())
+
+    def add_blocks(self, at: Linearization, slots: wp.array, rows: Any) -> None:
+        """Adds a K + b C to ``rows``; see :class:`~warpcloth.forces.block_matrix.Assembled`."""
+        model = self.model
+        where = [at.world_project, at.state.particle_q, at.state.particle_qd, at.stiffness, at.damping]
+        launch(
+            model.kernels.woven_hessian.add_blocks,
+            dim=model.particle_count,
+            inputs=[model.particle_world, model.woven, *self._rows, slots, *where],
+            outputs=[rows],
             device=model.device,
         )
 

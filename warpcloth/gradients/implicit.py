@@ -93,6 +93,7 @@ class _Stage:
         everywhere = wp.ones(model.world_count, dtype=wp.int32, device=model.device)
         accuracy = model.array(np.full(model.world_count, INNER), wp.float64)
         matrix = Linearization(self.end, gamma * gamma, gamma, ones)
+        self.recording.plain_forces.linearize(matrix)
 
         def product(x: np.ndarray) -> np.ndarray:
             by_q, by_qd = slopes.transposed(x)

@@ -21,6 +21,7 @@ class Integrator(Protocol):
         adaptive: divides the step it is given as the error demands, so that no step is too large for it.
         solves_springs_only: all other forces act as they were at the start of the step, so stiff ones need a pass.
         solved_forces: names of the force terms that the scheme solves for itself, in place of evaluating them.
+        linearizes: solves linear systems with the matrix of the forces, by many products at one state.
         couples_worlds: step sizes or iteration counts are decided over all worlds at once, so a world's result depends,
             within the tolerance, on the worlds beside it; elsewhere a world among others is bitwise that world alone if
             forces depend on velocities in both, or in none.
@@ -40,6 +41,7 @@ class Integrator(Protocol):
     adaptive: ClassVar[bool] = False
     solves_springs_only: ClassVar[bool] = False
     solved_forces: ClassVar[tuple[str, ...]] = ()
+    linearizes: ClassVar[bool] = False
     couples_worlds: ClassVar[bool] = False
     conserves_linear_momentum: ClassVar[bool] = True
     conserves_angular_momentum: ClassVar[bool] = False

@@ -47,6 +47,7 @@ class ImplicitScheme(Integrator):
     """
 
     implicit = True
+    linearizes = True
     symplectic = False
     capturable = True
     convergence_options: ClassVar[dict[str, Any]] = {"tolerance": 1e-12}

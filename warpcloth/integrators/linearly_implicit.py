@@ -56,6 +56,8 @@ class LinearlyImplicit(Integrator):
         self._place_pins(model, state_in, state_out, dt)
         self._right_side(model, state_in, forces, dt)
         at = Linearization(state_in, dt * dt if self.elastic else 0.0, dt, self._ones)
+        if self.linearizes:
+            forces.linearize(at)
         self.cg.solve(forces, at, self._residual, self._everywhere, self._tolerance)
         start = [state_in.particle_q, state_in.particle_qd]
         inputs = [model.particle_inv_mass, *start, self.cg.x, dt]
@@ -104,6 +106,7 @@ class LinearImplicitEuler(LinearlyImplicit):
     """Implicit Euler with forces linearised at the start of the step: one linear system, no iteration."""
 
     name = "linear_implicit_euler"
+    linearizes = True
     symplectic = False
     elastic = True
     reference = "Baraff and Witkin, Large Steps in Cloth Simulation, SIGGRAPH 1998"

@@ -113,6 +113,7 @@ class Newton:
 
     def _iterate(self, problem: _Problem) -> None:
         model, cg, worlds = self.model, self.cg, self.worlds
+        problem.forces.linearize(problem.matrix)
         cg.solve(problem.forces, problem.matrix, self._residual, worlds.active, worlds.forcing)
         inputs = [cg.lanes, model.particle_mass, problem.state.particle_qd, cg.x]
         self._launch("start_search", cg.lane_count, inputs, [self._start, cg.partial])
