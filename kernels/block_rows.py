@@ -11,6 +11,7 @@ import sys
 
 import warp as wp
 
+from .direct import int_at, matrix_at, vector_at
 from .precision import FORWARD_ONLY, mat33, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -41,5 +42,6 @@ def multiply(
     here = x[i]
     total = product_out[i] + rows.own[i] * here
     for s in range(rows.start[i], rows.start[i + 1]):
-        total += rows.block[s] * (x[rows.column[s]] - here)
+        apart = vector_at(x, int_at(rows.column, s)) - here
+        total += matrix_at(rows.block, s) * apart
     product_out[i] = total

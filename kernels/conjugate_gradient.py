@@ -9,6 +9,7 @@ import sys
 
 import warp as wp
 
+from .direct import matrix_at, put, real_at, vector_at
 from .precision import FORWARD_ONLY, mat33, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -142,7 +143,7 @@ def curvature(
     lane = thread_offset + wp.tid()
     total = wp.float64(0.0)
     for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
-        total += wp.float64(wp.dot(p[i], ap[i]))
+        total += wp.float64(wp.dot(vector_at(p, i), vector_at(ap, i)))
     partial_out[lane] = total
 
 
@@ -192,11 +193,11 @@ def advance(
     alpha = real(solves.alpha[w])
     rz = wp.float64(0.0)
     for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
-        if particle_inv_mass[i] > real(0.0):
-            r = r_out[i] - alpha * ap[i]
-            x_out[i] = x_out[i] + alpha * p[i]
-            r_out[i] = r
-            rz += wp.float64(wp.dot(r, preconditioner[i] * r))
+        if real_at(particle_inv_mass, i) > real(0.0):
+            r = vector_at(r_out, i) - alpha * vector_at(ap, i)
+            put(x_out, i, vector_at(x_out, i) + alpha * vector_at(p, i))
+            put(r_out, i, r)
+            rz += wp.float64(wp.dot(r, matrix_at(preconditioner, i) * r))
     partial_out[lane] = rz
 
 
@@ -259,6 +260,6 @@ def turn(
     w = particle_world[i]
     p = vec3()
     if solves.active[w] == 1:
-        p = preconditioner[i] * r[i] + real(solves.beta[w]) * p_out[i]
-    p_out[i] = p
-    ap_out[i] = particle_mass[i] * p
+        p = matrix_at(preconditioner, i) * vector_at(r, i) + real(solves.beta[w]) * vector_at(p_out, i)
+    put(p_out, i, p)
+    put(ap_out, i, real_at(particle_mass, i) * p)

@@ -7,7 +7,7 @@ contiguous, as all of a model's are. Where there are gradients it is Warp's inde
 
 import warp as wp
 
-from .precision import OPTIONS, real, vec3
+from .precision import OPTIONS, mat33, real, vec3
 
 if OPTIONS["enable_backward"]:
 
@@ -28,6 +28,10 @@ if OPTIONS["enable_backward"]:
         return array[i]
 
     @wp.func
+    def matrix_at(array: wp.array(dtype=mat33), i: int):
+        return array[i]
+
+    @wp.func
     def put(array_out: wp.array(dtype=vec3), i: int, value: vec3):
         array_out[i] = value
 
@@ -44,6 +48,9 @@ else:
 
     @wp.func_native("return array.data[i];")
     def int_at(array: wp.array(dtype=wp.int32), i: int) -> int: ...
+
+    @wp.func_native("return array.data[i];")
+    def matrix_at(array: wp.array(dtype=mat33), i: int) -> mat33: ...
 
     @wp.func_native("array_out.data[i] = value;")
     def put(array_out: wp.array(dtype=vec3), i: int, value: vec3): ...
