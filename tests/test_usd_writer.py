@@ -8,7 +8,7 @@ import pytest
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdValidation
 from usd_shots import FPS, LAST, frame_of, one_of_each, two_cloths, write_shot
 from warpcloth.scenes.usd import CacheWriter, read_obstacles
-from warpcloth.scenes.usd.surface import vertex_normals
+from warpcloth.scenes.usd.surface import VertexNormals, summed_area_vectors, vertex_normals
 
 from warpcloth import Cloth
 
@@ -237,3 +237,14 @@ def test_cloth_normals_of_degenerate_triangles_are_unit():
     points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     normals = vertex_normals(points, np.array([[0, 1, 2]]))
     np.testing.assert_array_equal(normals, np.tile((0.0, 0.0, 1.0), (4, 1)))
+
+
+@pytest.mark.parametrize("size", [1e-12, 1.0, 1e18])
+def test_cloth_normals_are_area_vectors_of_unit_length(size):
+    cloth = Cloth.grid((1.0, 1.0), (9, 7))
+    normals, rng = VertexNormals(cloth.triangles, len(cloth.points)), np.random.default_rng(5)
+    for _ in range(2):  # the second frame must not see the first
+        points = (size * (cloth.points + 0.05 * rng.normal(size=cloth.points.shape))).astype(np.float32)
+        expected = summed_area_vectors(points, cloth.triangles)
+        expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+        np.testing.assert_allclose(normals.at(points), expected, rtol=0.0, atol=2e-7)

@@ -138,7 +138,8 @@ def test_same_frames_give_the_same_bytes(tmp_path):
 
 
 def run_program(program: str, *arguments: object, **options) -> subprocess.Popen:
-    code = "import sys\nsys.path.insert(0, sys.argv[1])\n" + textwrap.dedent(program)
+    first = "import sys, warp\nwarp.config.log_level = warp.LOG_ERROR\nsys.path.insert(0, sys.argv[1])\n"
+    code = first + textwrap.dedent(program)
     command = [sys.executable, "-c", code, str(Path(__file__).parent), *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
 

@@ -9,7 +9,7 @@ from ..usd.faces import mesh_triangles
 from ..usd.opening import transform_codes, world_matrix
 from ..usd.roles import CLOTH_ROLE, mark, set_number
 from ..usd.samples import SAMPLE_OVERHEAD, as_vectors, checked, vectors
-from ..usd.surface import vertex_normals
+from ..usd.surface import VertexNormals, vertex_normals
 from .cloth_reader import ShotCloth
 
 DEFAULT = Usd.TimeCode.Default()
@@ -38,6 +38,7 @@ class ClothOver:
         self.used = part.particle_of >= 0
         self.triangles = mesh_triangles(part.mesh, self.local)
         self.faceted = part.mesh.GetSubdivisionSchemeAttr().Get() == UsdGeom.Tokens.none
+        self._normals = VertexNormals(self.triangles, len(self.local))
         self._annotate()
         self._set_rest()
 
@@ -72,7 +73,7 @@ class ClothOver:
         self.over.CreatePointsAttr().Set(vectors(points), code)
         self.over.CreateExtentAttr().Set(vectors(np.stack([points.min(axis=0), points.max(axis=0)])), code)
         if self.faceted:
-            self.over.CreateNormalsAttr().Set(vectors(vertex_normals(points, self.triangles)), code)
+            self.over.CreateNormalsAttr().Set(vectors(self._normals.at(points)), code)
         return 2 * points.nbytes + 3 * SAMPLE_OVERHEAD
 
     def _drift(self, code: float, world: np.ndarray) -> np.ndarray:

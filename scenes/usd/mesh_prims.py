@@ -7,7 +7,7 @@ from ...cloth import Cloth
 from .roles import CLOTH_ROLE, mark, set_number
 from .samples import SAMPLE_OVERHEAD, checked, integers, vectors
 from .stage import bind_color
-from .surface import vertex_normals
+from .surface import VertexNormals
 
 
 class MeshPrim:
@@ -24,7 +24,7 @@ class MeshPrim:
         self.mesh = UsdGeom.Mesh.Define(stage, path)
         self.prim = self.mesh.GetPrim()
         self.count = len(points)
-        self.triangles = np.asarray(triangles, np.intp, order="F")  # as normals are summed
+        self._normals = VertexNormals(triangles, len(points))
         self.mesh.CreateFaceVertexCountsAttr(integers(np.full(len(triangles), 3)))
         self.mesh.CreateFaceVertexIndicesAttr(integers(triangles))
         self.mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
@@ -36,7 +36,7 @@ class MeshPrim:
         """Sets points and the normals and extent that follow from them; returns the bytes held in memory."""
         stored = self.checked(points, "points")
         self.mesh.GetPointsAttr().Set(vectors(stored), code)
-        self.mesh.GetNormalsAttr().Set(vectors(vertex_normals(stored, self.triangles)), code)
+        self.mesh.GetNormalsAttr().Set(vectors(self._normals.at(stored)), code)
         rows = np.ascontiguousarray(stored.T)  # ten times as fast
         self.mesh.GetExtentAttr().Set(vectors(np.stack([rows.min(axis=1), rows.max(axis=1)])), code)
         return 2 * stored.nbytes + 3 * SAMPLE_OVERHEAD
