@@ -5,6 +5,10 @@ it gives way by micrometres: κ = ``STIFFNESS`` m/h². Coulomb friction acts on 
 obstacle, smoothed where the particle sticks: there it slips by 1/``GRIP`` of what it would without friction. Both only
 bring the solution near the true one. The response at the end of the step makes contact exact, and for that it needs to
 know the impulse that was given here.
+
+Where a path meets an obstacle can jump as its end moves by next to nothing, from one face of a mesh to another, and
+then there may be no solution. So once a particle was in ``free_looks`` places in a step it keeps the plane that it met:
+from then on its force is continuous.
 """
 
 import sys
@@ -60,9 +64,61 @@ def held_by(
     return held
 
 
+@wp.struct
+class Planes:
+    """What each particle met in this step: where it was last (``seen``, in the world) and how often it had come to
+    another place (``looks``); and the latest contact where it was deepest: the obstacle (−1: none), and in its frame
+    the contact's normal and surface, where the particle was (``spot``) and how far from it (``gap``)."""
+
+    seen: wp.array(dtype=vec3)
+    looks: wp.array(dtype=wp.int32)
+    shape: wp.array(dtype=wp.int32)
+    normal: wp.array(dtype=vec3)
+    surface: wp.array(dtype=vec3)
+    spot: wp.array(dtype=vec3)
+    gap: wp.array(dtype=real)
+
+
+@wp.func
+def look(planes_out: Planes, i: int, here: vec3, free_looks: int):
+    """The obstacle whose plane the particle keeps; −1: none.
+
+    Evaluations in the same place do not count: others in its world, or other worlds, may ask for them.
+    """
+    same = here == planes_out.seen[i]
+    if planes_out.looks[i] == 0 or not same:
+        planes_out.seen[i] = here
+        planes_out.looks[i] = planes_out.looks[i] + 1
+    kept = int(-1)
+    if planes_out.looks[i] > free_looks:
+        kept = planes_out.shape[i]
+    return kept
+
+
+@wp.func
+def keep(planes_out: Planes, i: int, shape: int, hit: Hit, b: vec3):
+    planes_out.shape[i] = shape
+    planes_out.normal[i] = hit.normal
+    planes_out.surface[i] = hit.surface
+    planes_out.spot[i] = b
+    planes_out.gap[i] = hit.gap
+
+
+@wp.func
+def kept_hit(planes: Planes, i: int, b: vec3):
+    """The contact of a path that ends at b with the plane that was met before; at its ``spot`` it is that contact."""
+    hit = Hit()
+    hit.found = 1
+    hit.normal = planes.normal[i]
+    hit.surface = planes.surface[i]
+    hit.gap = planes.gap[i] + wp.dot(hit.normal, b - planes.spot[i])
+    return hit
+
+
 @wp.kernel(enable_backward=False)
 def support(
     # Model
+    thread_offset: int,
     particle_mass: wp.array(dtype=real),
     particle_inv_mass: wp.array(dtype=real),
     particle_world: wp.array(dtype=wp.int32),
@@ -77,6 +133,7 @@ def support(
     end: wp.array(dtype=Placement),
     dt: real,
     gamma: real,
+    free_looks: int,
     # Out
     particle_f_out: wp.array(dtype=vec3),
     stiffness_out: wp.array(dtype=mat33),
@@ -84,23 +141,30 @@ def support(
     sliding_out: wp.array(dtype=mat33),
     impulse_out: wp.array(dtype=vec3),
     shape_out: wp.array(dtype=wp.int32),
+    planes_out: Planes,
 ):
     """Adds the forces; their 3×3 stiffness and damping blocks, what of the damping is too much as friction keeps its
     size, the velocity that they give to the particle in a step of weight ``gamma``, and the obstacle that gives most
     of it."""
-    i = wp.tid()
+    i = thread_offset + wp.tid()
     total = Held()
     impulse = vec3()
     shape = int(-1)
     if particle_inv_mass[i] > real(0.0):
         w = particle_world[i]
+        kept = look(planes_out, i, particle_q[i], free_looks)
         mass = particle_mass[i]
         for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
             offset = particle_radius[i] + shapes.thickness[s]
             slop = real(1.0e-3) * offset
             friction = mean_friction(particle_friction[i], shapes.friction[s])
             a = to_local(start[s], particle_start[i])
-            hit = find_hit(shapes, s, dt, a, to_local(end[s], particle_q[i]), offset, slop)
+            b = to_local(end[s], particle_q[i])
+            hit = Hit()
+            if s == kept:
+                hit = kept_hit(planes_out, i, b)
+            else:
+                hit = find_hit(shapes, s, dt, a, b, offset, slop)
             held = held_by(hit, start[s], end[s], a, particle_qd[i], mass, slop, friction, dt, gamma)
             total.force += held.force
             total.stiffness += held.stiffness
@@ -110,6 +174,8 @@ def support(
                 total.depth = held.depth
                 shape = s
                 impulse = (gamma / mass) * held.force
+                if kept < 0:
+                    keep(planes_out, i, s, hit, b)
         particle_f_out[i] = particle_f_out[i] + total.force
     stiffness_out[i] = total.stiffness
     damping_out[i] = total.damping

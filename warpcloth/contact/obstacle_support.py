@@ -6,9 +6,12 @@ import numpy as np
 import warp as wp
 
 from ..forces import Linearization
-from ..launching import launch
+from ..launching import fill, launch
 from ..model import Model
 from ..state import State
+
+FREE_LOOKS = 12  # places in a step after which planes stay; easy steps end before
+MOST_LOOKS = 2**30  # for gradients, whose adjoint looks anew
 
 
 class ObstacleSupport:
@@ -32,13 +35,24 @@ class ObstacleSupport:
         self.stiffness, self.damping, self.sliding = (wp.zeros(n, dtype=mat33, device=device) for _ in range(3))
         self.impulse = wp.zeros(n, dtype=model.vec3, device=device)
         self.shape = wp.full(n, -1, dtype=wp.int32, device=device)
+        self._planes = model.kernels.obstacle_support.Planes()
+        for names, dtype in (
+            (("looks", "shape"), wp.int32),
+            (("seen", "normal", "surface", "spot"), model.vec3),
+            (("gap",), model.real),
+        ):
+            for name in names:
+                setattr(self._planes, name, wp.zeros(n, dtype=dtype, device=device))
         self._start, self._dt = model.particle_q, 1.0
         self._for_gradients = model.differentiable and not model.shapes.meshes
         self._unused = wp.zeros_like(self.impulse)
+        self._free_looks = MOST_LOOKS if self._for_gradients else FREE_LOOKS
 
     def begin(self, state: State, dt: float) -> None:
         """A step of dt [s] starts at ``state``; obstacles have been placed."""
         self._start, self._dt = state.particle_q, dt
+        fill(self._planes.looks)
+        fill(self._planes.shape, -1)
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds the forces [N] at ``state``, the end of the step, to ``state.particle_f``."""
@@ -46,8 +60,8 @@ class ObstacleSupport:
         launch(
             self.model.kernels.obstacle_support.support,
             dim=self.model.particle_count,
-            inputs=self._inputs(self._start, state),
-            outputs=[force, self.stiffness, self.damping, self.sliding, self.impulse, self.shape],
+            inputs=[*self._inputs(self._start, state), self._free_looks],
+            outputs=[force, self.stiffness, self.damping, self.sliding, self.impulse, self.shape, self._planes],
             device=self.model.device,
             record_tape=False,
         )
