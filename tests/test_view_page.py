@@ -41,7 +41,9 @@ def test_the_page_in_a_browser(chromium, session, page, tmp_path):
     browser = Browser(chromium, page)
     session.play()
     until(lambda: session.snapshot.time > 0.2 and page.updates > 5)
+    session.pause()  # a page that is drawn slowly shows moving cloth where it was
     browser.take(lambda: points(session)[60], lambda: browser.who in session.stage.hands)
+    session.play()
     middle = points(session)[60].astype(float)
     browser.drag(np.add(middle, (-0.2, -0.1, 0.1)))
     grab = session.stage.hands[browser.who]
@@ -93,7 +95,9 @@ def test_two_browsers_one_that_reloads_and_one_that_vanishes(chromium, session, 
     one, other = Browser(chromium, page), Browser(chromium, page)
     session.play()
     until(lambda: session.snapshot.time > 0.1)
+    session.pause()
     other.take(lambda: points(session)[60], lambda: other.who in session.stage.hands)
+    session.play()
     one.page.reload()
     one.page.wait_for_selector("canvas", timeout=90_000)
     other.page.close()  # with the mouse down
