@@ -10,7 +10,7 @@ import sys
 import warp as wp
 
 from .bending import BendingModel, Moments, element_sums, entry_force, entry_tangent, tangent_sum, weighted_sum
-from .bending_law import damping_direction, friction_matrix, friction_tangent
+from .bending_law import damping_direction, friction_matrix
 from .block_rows import BlockRows
 from .precision import FORWARD_ONLY, mat33, real, vec2, vec3
 
@@ -38,7 +38,7 @@ def element_tangent(
         dc = wp.cross(tangent_sum(elements, e, x, 0), t2) + wp.cross(t1, tangent_sum(elements, e, x, 1))
         friction = elements.friction[e]
         m_e = a * law[0] * (dx - law[2] * dc)
-        m_f = a * friction_tangent(d - slip[e] * wp.cross(t1, t2), dx - slip[e] * dc, friction[0], friction[1])
+        m_f = a * (friction_matrix(d - slip[e] * wp.cross(t1, t2), friction) * (dx - slip[e] * dc))
         n = law[2] * m_e + slip[e] * m_f
         result.bend = m_e + m_f
         result.along = wp.cross(t2, n)

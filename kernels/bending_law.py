@@ -49,19 +49,8 @@ def friction_energy(r: vec3, friction_stiffness: real, slip_moment: real):
 
 
 @wp.func
-def friction_tangent(r: vec3, dr: vec3, friction_stiffness: real, slip_moment: real):
-    """Derivative of the friction moment along dr."""
-    scale = friction_scale(r, friction_stiffness, slip_moment)
-    moved = scale * dr
-    if scale < friction_stiffness:
-        n = wp.normalize(r)
-        moved = scale * (dr - wp.dot(n, dr) * n)
-    return moved
-
-
-@wp.func
 def friction_matrix(r: vec3, friction: vec2):
-    """That derivative as a matrix; ``friction`` is (stiffness, slip moment)."""
+    """Derivative of the friction moment by r; ``friction`` is (stiffness, slip moment)."""
     identity = wp.identity(n=3, dtype=real)
     scale = friction_scale(r, friction[0], friction[1])
     m = mat33(scale * identity)

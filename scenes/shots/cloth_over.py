@@ -38,7 +38,7 @@ class ClothOver:
         self.used = part.particle_of >= 0
         self.triangles = mesh_triangles(part.mesh, self.local)
         self.faceted = part.mesh.GetSubdivisionSchemeAttr().Get() == UsdGeom.Tokens.none
-        self._normals = VertexNormals(self.triangles, len(self.local))
+        self._normals = VertexNormals(self.triangles, len(self.local)) if self.faceted else None
         self._annotate()
         self._set_rest()
 
@@ -72,7 +72,7 @@ class ClothOver:
     def _set_points(self, points: np.ndarray, code: Usd.TimeCode | float) -> int:
         self.over.CreatePointsAttr().Set(vectors(points), code)
         self.over.CreateExtentAttr().Set(vectors(np.stack([points.min(axis=0), points.max(axis=0)])), code)
-        if self.faceted:
+        if self._normals is not None:
             self.over.CreateNormalsAttr().Set(vectors(self._normals.at(points)), code)
         return 2 * points.nbytes + 3 * SAMPLE_OVERHEAD
 

@@ -17,7 +17,6 @@ class VertexNormals:
 
     def __init__(self, triangles: np.ndarray, count: int):
         kernels, self._device = KernelSet("float32").normals, wp.get_device("cpu")
-        self._count = count
         rows = incident_rows(np.asarray(triangles).reshape(-1, 1), count)
         corners, start, triangle = (self._array(a, wp.int32) for a in (triangles, rows[0], rows[1] // 3))
         self._points, self._normals = (wp.zeros(count, dtype=wp.vec3, device=self._device) for _ in range(2))
