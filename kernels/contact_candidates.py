@@ -104,6 +104,32 @@ def begin_adding(
         pairs_out.holes[0] = 0
 
 
+@wp.func
+def lower_corner(way: Way):
+    """Of the box of all of a way."""
+    return wp.min(way.low, way.end_low)
+
+
+@wp.func
+def upper_corner(way: Way):
+    """Of the box of all of a way."""
+    return wp.max(way.high, way.end_high)
+
+
+@wp.kernel
+def box_ways(
+    # State in
+    known: wp.array(dtype=Way),
+    # Out
+    lower_out: wp.array(dtype=wp.vec3),
+    upper_out: wp.array(dtype=wp.vec3),
+):
+    """Boxes of known ways, as trees of Warp take them."""
+    t = wp.tid()
+    lower_out[t] = lower_corner(known[t])
+    upper_out[t] = upper_corner(known[t])
+
+
 @wp.kernel
 def find_roots(
     # Model
@@ -172,8 +198,6 @@ def find_triangle_pairs(
     moved: wp.array(dtype=wp.int32),
     anew: wp.array(dtype=wp.int32),
     known: wp.array(dtype=Way),
-    known_lower: wp.array(dtype=wp.vec3),
-    known_upper: wp.array(dtype=wp.vec3),
     bvh: wp.uint64,
     # Out
     pairs_out: TrianglePairs,
@@ -191,7 +215,7 @@ def find_triangle_pairs(
         root = group_root[2 * particle_world[mine[0]] + group]
         if root < 0:
             continue
-        query = wp.bvh_query_aabb(bvh, known_lower[t], known_upper[t], root)
+        query = wp.bvh_query_aabb(bvh, lower_corner(known[t]), upper_corner(known[t]), root)
         u = int(0)
         while wp.bvh_query_next(query, u):
             add_pair(t, u, mine, tri_indices, moved, anew[0], known, pairs_out)

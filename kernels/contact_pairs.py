@@ -9,7 +9,7 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights
-from .contact_candidates import TrianglePairs, length_of
+from .contact_candidates import TrianglePairs, has, length_of
 from .contact_culling import triangles_apart, ways_apart
 from .contact_ways import Way, may_meet, triangle
 from .counting import count_up
@@ -227,6 +227,18 @@ def find_pairs(
             )  # fmt: skip
 
 
+@wp.func
+def common_vertices(t: wp.vec3i, u: wp.vec3i):
+    """The first and the last vertex that two triangles have in common, which have at least one."""
+    first = int(2147483647)
+    last = int(-1)
+    for k in range(3):
+        if has(u, t[k]):
+            first = wp.min(first, t[k])
+            last = wp.max(last, t[k])
+    return wp.vec2i(first, last)
+
+
 @wp.kernel
 def find_fan_pairs(
     # Model
@@ -236,8 +248,8 @@ def find_fan_pairs(
     particle_body: wp.array(dtype=wp.int32),
     particle_radius: wp.array(dtype=real),
     particle_rest: wp.array(dtype=vec3),
-    shared: wp.array(dtype=wp.vec4i),
-    shared_start: wp.array(dtype=wp.int32),
+    particle_corner_start: wp.array(dtype=wp.int32),
+    particle_corner_ids: wp.array(dtype=wp.int32),
     stride: int,
     # State in
     flat: wp.array(dtype=wp.int32),
@@ -250,17 +262,18 @@ def find_fan_pairs(
     # Out
     pairs_out: Pairs,
 ):
-    """The same of triangles with common vertices none of whose fans is flat (``contact_fans.py``).
-
-    ``shared`` holds two triangles, and their one or two common vertices (one is given twice), sorted by the first of
-    these: vertex i has ``shared_start[i]`` to ``shared_start[i + 1]``.
-    """
-    for i in range(thread_offset + wp.tid(), shared_start.shape[0] - 1, stride):
+    """The same of triangles with common vertices none of whose fans is flat (``contact_fans.py``), which are looked at
+    from the first of these."""
+    for i in range(thread_offset + wp.tid(), particle_corner_start.shape[0] - 1, stride):
         if flat[i] == 0:
-            for n in range(shared_start[i], shared_start[i + 1]):
-                s = shared[n]
-                if flat[s[3]] == 0 and (tri_active[s[0]] | tri_active[s[1]]) == 1:
-                    add_features(
-                        s[0], s[1], tri_indices, tri_owned, particle_body, particle_radius, particle_rest,
-                        particle_from, particle_to, margin, cloth_particles, leeway, pairs_out,
-                    )  # fmt: skip
+            last = particle_corner_start[i + 1]
+            for m in range(particle_corner_start[i], last):
+                t = particle_corner_ids[m] / 3
+                for n in range(m + 1, last):
+                    u = particle_corner_ids[n] / 3
+                    common = common_vertices(triangle(tri_indices, t), triangle(tri_indices, u))
+                    if common[0] == i and flat[common[1]] == 0 and (tri_active[t] | tri_active[u]) == 1:
+                        add_features(
+                            t, u, tri_indices, tri_owned, particle_body, particle_radius, particle_rest,
+                            particle_from, particle_to, margin, cloth_particles, leeway, pairs_out,
+                        )  # fmt: skip

@@ -175,8 +175,6 @@ def swept_bounds(
     # Out
     way_out: wp.array(dtype=Way),
     known_out: wp.array(dtype=Way),
-    known_lower_out: wp.array(dtype=wp.vec3),
-    known_upper_out: wp.array(dtype=wp.vec3),
     moved_out: wp.array(dtype=wp.int32),
     any_moved_out: wp.array(dtype=wp.int32),
     tri_active_out: wp.array(dtype=wp.int32),
@@ -185,8 +183,8 @@ def swept_bounds(
     share ``stray`` of its motion.
 
     Where the known way does not hold it, that becomes the same with ``room`` [m] more, and with what it will reach
-    ahead; ``moved`` is 1 there, else 0. The box of the known way is ``known_lower`` to ``known_upper``. A triangle is
-    active if one of its corners is; of others the way is the same as it was.
+    ahead; ``moved`` is 1 there, else 0. A triangle is active if one of its corners is; of others the way is the same as
+    it was.
     """
     t = thread_offset + wp.tid()
     corners = triangle(tri_indices, t)
@@ -211,8 +209,6 @@ def swept_bounds(
         d = drift[particle_world[corners[0]]]
         known = grown(reached(way, wp.vec3(float(d[0]), float(d[1]), float(d[2])), ahead), wp.vec3(room))
         known_out[t] = known
-        known_lower_out[t] = wp.min(known.low, known.end_low)
-        known_upper_out[t] = wp.max(known.high, known.end_high)
         moved_out[t] = 1
         any_moved_out[0] = 1
 

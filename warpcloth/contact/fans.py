@@ -1,4 +1,4 @@
-"""The fans of a mesh, and its pairs of triangles with a common vertex; see ``kernels/contact_fans.py``."""
+"""The fans of a mesh; see ``kernels/contact_fans.py``."""
 
 from dataclasses import dataclass
 
@@ -15,14 +15,11 @@ class Fans:
         start, spokes: fan i has the entries ``start[i]:start[i + 1]`` of ``spokes``: of each of its triangles the other
             two corners, counter-clockwise; of an open fan the first triangle comes first. Shapes [n + 1], [3 m, 2].
         turns: CLOSED, OPEN or BROKEN, shape [n].
-        shared: two triangles and their common vertices, one vertex given twice if there is but one, sorted by the
-            first vertex; shape [k, 4].
     """
 
     start: np.ndarray
     spokes: np.ndarray
     turns: np.ndarray
-    shared: np.ndarray
 
 
 def fans_of(triangles: np.ndarray, vertex_count: int) -> Fans:
@@ -37,8 +34,7 @@ def fans_of(triangles: np.ndarray, vertex_count: int) -> Fans:
     turns, first = _walk(centre, spokes, start)
     some = np.flatnonzero(np.diff(start))
     spokes[start[some]], spokes[first[some]] = spokes[first[some]], spokes[start[some]].copy()
-    owner = np.tile(np.arange(len(triangles)), 3)[order]
-    return Fans(start.astype(np.int32), spokes, turns, _shared(start, owner))
+    return Fans(start.astype(np.int32), spokes, turns)
 
 
 def _walk(centre: np.ndarray, spokes: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -62,21 +58,3 @@ def _walk(centre: np.ndarray, spokes: np.ndarray, start: np.ndarray) -> tuple[np
     turns = np.where(open_ends == 0, CLOSED, OPEN).astype(np.int32)
     turns[(steps != valence) | (open_ends > 1) | np.isin(np.arange(count), doubled)] = BROKEN
     return turns, first
-
-
-def _shared(start: np.ndarray, owner: np.ndarray) -> np.ndarray:
-    """All pairs of triangles with common vertices; see :class:`Fans`."""
-    valence, rows = np.diff(start), [np.zeros((0, 3), np.int64)]
-    for k in np.unique(valence[valence > 1]):
-        fans = np.flatnonzero(valence == k)
-        around = np.sort(owner[start[fans][:, None] + np.arange(k)], axis=1)
-        left, right = np.triu_indices(k, 1)
-        vertex = np.broadcast_to(fans[:, None], (len(fans), len(left)))
-        rows.append(np.stack([around[:, left], around[:, right], vertex], axis=-1).reshape(-1, 3))
-    joined = np.concatenate(rows)
-    joined = joined[np.lexsort(joined.T[::-1])]
-    new = np.any(np.diff(joined[:, :2], axis=0, prepend=-1), axis=1)
-    first = np.flatnonzero(new)
-    last = np.append(first[1:], len(joined)) - 1 if len(first) else first
-    pairs = np.column_stack([joined[first], joined[last, 2]]).astype(np.int32)
-    return pairs[np.argsort(pairs[:, 2], kind="stable")]

@@ -27,7 +27,6 @@ class PairFinder:
         tris, n, device = surface.tri_count, model.particle_count, model.device
         ways = self.kernels.contact_ways
         self.way, self.known_way = (wp.zeros(tris, dtype=ways.Way, device=device) for _ in range(2))
-        self.known_lower, self.known_upper = (wp.zeros(tris, dtype=wp.vec3, device=device) for _ in range(2))
         self.moved, self.tri_active = (wp.zeros(tris, dtype=wp.int32, device=device) for _ in range(2))
         self.any_moved, self.anew, self.peak = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(3))
         self.everything = wp.ones(surface.particle_count, dtype=wp.int32, device=device)
@@ -43,8 +42,7 @@ class PairFinder:
         fans = fans_of(model.tri_indices.numpy(), n)
         self.fan_start, self.fan_turns = model.array(fans.start, wp.int32), model.array(fans.turns, wp.int32)
         self.fan_spokes = model.array(fans.spokes, wp.vec2i)
-        self.shared = model.array(fans.shared, wp.vec4i)
-        self.shared_start = model.array(np.searchsorted(fans.shared[:, 2], np.arange(n + 1)), wp.int32)
+        self.corners = [model.particle_corner_start, model.particle_corner_ids]
         self.flat = wp.zeros(n, dtype=wp.int32, device=device)
 
     def find(
@@ -76,7 +74,7 @@ class PairFinder:
         )  # fmt: skip
         self._launch(
             self.kernels.contact_pairs.find_fan_pairs, self.width,
-            [*mesh, self.shared, self.shared_start, self.width, flat, start, end, *others],
+            [*mesh, *self.corners, self.width, flat, start, end, *others],
             [target.pairs],
         )  # fmt: skip
         self._launch(self.kernels.contact_candidates.note_peak, 1, [target.pairs.count], [target.pairs.peak])
@@ -134,7 +132,7 @@ class PairFinder:
         self._bound(surface.rest, surface.rest, self.everything, 0.0)
         if self.model.device.is_cpu:
             return WideTree(self.model, surface)
-        return BinaryTree(self.model, surface, self.known_lower, self.known_upper)
+        return BinaryTree(self.model, surface, self.known_way)
 
     def _bound(
         self, start: wp.array, end: wp.array, active: wp.array, margin: float, stray: float = 0.0
@@ -147,10 +145,7 @@ class PairFinder:
                 surface.tri_indices, surface.world, start, end, self.drift, active, margin, stray, self.room,
                 self.ahead,
             ],
-            [
-                self.way, self.known_way, self.known_lower, self.known_upper, self.moved, self.any_moved,
-                self.tri_active,
-            ],
+            [self.way, self.known_way, self.moved, self.any_moved, self.tri_active],
         )  # fmt: skip
 
     def _renew_known(self) -> None:

@@ -26,24 +26,30 @@ class BinaryTree:
     """A ``wp.Bvh`` of boxes.
 
     Args:
-        model: the model. surface: its triangles. lower, upper: corners of their boxes [m], vec3, shape [tri_count].
+        model: the model. surface: its triangles. known: their known ways.
     """
 
-    def __init__(self, model: Model, surface: Surface, lower: wp.array, upper: wp.array):
-        self._kernels, self._surface, self._boxes = model.kernels.contact_candidates, surface, [lower, upper]
+    def __init__(self, model: Model, surface: Surface, known: wp.array):
+        self._kernels, self._surface = model.kernels.contact_candidates, surface
         groups, count = tree_groups(model, surface), 2 * model.world_count
-        self._tree = wp.Bvh(lower, upper, groups=model.array(groups, wp.int32))
+        self._boxes = [wp.zeros(len(groups), dtype=wp.vec3, device=model.device) for _ in range(2)]
+        self._box(known)
+        self._tree = wp.Bvh(*self._boxes, groups=model.array(groups, wp.int32))
         sizes = model.array(np.bincount(groups, minlength=count), wp.int32)
         self._root = wp.zeros(count, dtype=wp.int32, device=model.device)
         launch(self._kernels.find_roots, count, [sizes, self._tree.id], [self._root], model.device)
 
     def find(self, moved: wp.array, anew: wp.array, known: wp.array, pairs: Any) -> None:
         """Adds the pairs of triangles that have moved to ``pairs``; boxes may have changed."""
+        self._box(known)
         refit(self._tree)
         surface = self._surface
         mesh = [surface.tri_indices, surface.world, self._root, surface.cloth_tris]
-        inputs = [*mesh, moved, anew, known, *self._boxes, self._tree.id]
+        inputs = [*mesh, moved, anew, known, self._tree.id]
         launch(self._kernels.find_triangle_pairs, surface.tri_count, inputs, [pairs], surface.tri_indices.device)
+
+    def _box(self, known: wp.array) -> None:
+        launch(self._kernels.box_ways, self._surface.tri_count, [known], self._boxes, known.device)
 
 
 class WideTree:
