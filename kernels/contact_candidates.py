@@ -17,7 +17,7 @@ from .precision import FORWARD_ONLY
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 CHUNK = wp.constant(64)  # entries of a list that are counted together
-SPARSE = wp.constant(4)  # a list with fewer pairs than one in so many entries is made anew
+SPARSE = wp.constant(2)  # a list with fewer pairs than one in so many entries is made anew
 
 
 @wp.struct
@@ -25,7 +25,8 @@ class TrianglePairs:
     """A list of pairs of triangles, with holes where pairs were dropped.
 
     ``count`` of entries goes on beyond the length when that is too short, and ``peak`` remembers the greatest. ``hole``
-    has the numbers of the ``holes`` entries without a pair, which are the first to be filled by those ``added``.
+    has the numbers of the ``holes`` entries without a pair, which are the first to be filled by those ``added``; it
+    need not be longer than half of the list, which is made anew where there are more.
     """
 
     count: wp.array(dtype=wp.int32)
@@ -85,7 +86,8 @@ def drop_pairs(
             for k in range(first, last):
                 if outdated(pairs_out, k, moved):
                     pairs_out.pair[k] = wp.vec2i(-1, -1)
-                    pairs_out.hole[n] = k
+                    if n < pairs_out.hole.shape[0]:
+                        pairs_out.hole[n] = k
                     n += 1
 
 
@@ -98,7 +100,7 @@ def begin_adding(
     """Before pairs are added; a list that is mostly holes is emptied, and all of it is to be looked up (``anew``)."""
     pairs_out.added[0] = 0
     anew_out[0] = 0
-    if SPARSE * (pairs_out.count[0] - pairs_out.holes[0]) < pairs_out.count[0]:
+    if SPARSE * (length_of(pairs_out) - pairs_out.holes[0]) < length_of(pairs_out):
         anew_out[0] = 1
         pairs_out.count[0] = 0
         pairs_out.holes[0] = 0

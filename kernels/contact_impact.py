@@ -9,7 +9,7 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights, time_of_impact
-from .contact_pairs import Pairs, wide
+from .contact_pairs import Contacts, Pairs, put_contact, weights_of, wide
 from .contact_response import KICK_UNIT, MOVE_UNIT, add_fixed, add_share, crowd, effective_mobility, relative_motion
 from .counting import count_up
 from .precision import FORWARD_ONLY, real, vec3
@@ -33,9 +33,7 @@ def find_impacts(
     particle_to: wp.array(dtype=vec3),
     rounds: wp.array(dtype=wp.int32),
     # Out
-    weights_out: wp.array(dtype=wp.vec4d),
-    normal_out: wp.array(dtype=wp.vec3d),
-    depth_out: wp.array(dtype=wp.float64),
+    contacts_out: Contacts,
     share_out: wp.array(dtype=wp.int64),
     met_out: wp.array(dtype=wp.int32),
     impacts_out: wp.array(dtype=wp.int32),
@@ -59,7 +57,7 @@ def find_impacts(
         u1 = wide(particle_to[i[1]]) - x1
         u2 = wide(particle_to[i[2]]) - x2
         u3 = wide(particle_to[i[3]]) - x3
-        depth_out[k] = zero
+        contacts_out.depth[k] = real(0.0)
         t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
         if not t < wp.float64(1.0):
             continue
@@ -72,15 +70,14 @@ def find_impacts(
             continue
         d = combine(w, x0, x1, x2, x3)
         n = wp.normalize(d)
-        reach = share * pairs.distance[k]
+        reach = share * wp.float64(pairs.distance[k])
         gap = wp.dot(d + (wp.float64(1.0) - t) * combine(w, u0, u1, u2, u3), n)
         count_up(impacts_out, 0, 1)
         for m in range(4):
             met_out[i[m]] = 1
         if gap < reach:
-            depth_out[k] = reach - gap
-            weights_out[k] = w
-            normal_out[k] = n
+            contacts_out.depth[k] = real(reach - gap)
+            put_contact(contacts_out, k, w, n)
             add_share(share_out, i, w)
 
 
@@ -98,9 +95,7 @@ def bounce(
     particle_qd: wp.array(dtype=vec3),
     cloth_particles: int,
     span: wp.float64,
-    weights: wp.array(dtype=wp.vec4d),
-    normal: wp.array(dtype=wp.vec3d),
-    depth: wp.array(dtype=wp.float64),
+    contacts: Contacts,
     share: wp.array(dtype=wp.int64),
     impacts: wp.array(dtype=wp.int32),
     # Out
@@ -113,11 +108,12 @@ def bounce(
     their own: theirs is their way over the interval of ``span`` [s].
     """
     for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
-        if depth[k] <= wp.float64(0.0) or impacts[0] == 0:
+        depth = wp.float64(contacts.depth[k])
+        if depth <= wp.float64(0.0) or impacts[0] == 0:
             continue
         i = pairs.particles[k]
-        w = weights[k]
-        n = normal[k]
+        w = weights_of(contacts, k)
+        n = wide(contacts.normal[k])
         zero = wp.float64(0.0)
         one = wp.float64(1.0)
         effective = effective_mobility(particle_inv_mass, i, w)
@@ -133,7 +129,7 @@ def bounce(
                 speed += (w[m] / span) * (wide(particle_to[i[m]]) - wide(particle_from[i[m]]))
         friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
         slide = moved - wp.dot(moved, n) * n
-        move = depth[k] * n - wp.min(friction * depth[k] / wp.max(wp.length(slide), wp.float64(1.0e-30)), one) * slide
+        move = depth * n - wp.min(friction * depth / wp.max(wp.length(slide), wp.float64(1.0e-30)), one) * slide
         approach = wp.max(-wp.dot(speed, n), zero)
         slip = speed - wp.dot(speed, n) * n
         kick = approach * n - wp.min(friction * approach / wp.max(wp.length(slip), wp.float64(1.0e-30)), one) * slip

@@ -14,7 +14,7 @@ from .contact_culling import triangles_apart, ways_apart
 from .contact_ways import Way, may_meet, triangle
 from .counting import count_up
 from .direct import int_at, pair_at
-from .precision import FORWARD_ONLY, real, vec3
+from .precision import FORWARD_ONLY, real, vec3, vec4
 from .shapes import Placement, to_world
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -28,8 +28,20 @@ class Pairs:
     peak: wp.array(dtype=wp.int32)
     kind: wp.array(dtype=wp.int32)
     particles: wp.array(dtype=wp.vec4i)
-    side: wp.array(dtype=wp.vec3d)  # unit distance vector when the pair was found
-    distance: wp.array(dtype=wp.float64)  # contact distance [m]
+    side: wp.array(dtype=vec3)  # unit distance vector when the pair was found
+    distance: wp.array(dtype=real)  # contact distance [m]
+
+
+@wp.struct
+class Contacts:
+    """What is known of pairs that touch: weights, unit normal, and by how much they are too close [m], else 0 or less.
+
+    As precise as particles are, though reckoned in float64: memory counts, and rounding is no more than theirs.
+    """
+
+    weights: wp.array(dtype=vec4)
+    normal: wp.array(dtype=vec3)
+    depth: wp.array(dtype=real)
 
 
 @wp.func
@@ -40,6 +52,19 @@ def wide(x: vec3):
 @wp.func
 def narrow(x: wp.vec3d):
     return vec3(real(x[0]), real(x[1]), real(x[2]))
+
+
+@wp.func
+def put_contact(contacts_out: Contacts, k: int, w: wp.vec4d, n: wp.vec3d):
+    """Weights and normal of pair k."""
+    contacts_out.weights[k] = vec4(real(w[0]), real(w[1]), real(w[2]), real(w[3]))
+    contacts_out.normal[k] = narrow(n)
+
+
+@wp.func
+def weights_of(contacts: Contacts, k: int):
+    w = contacts.weights[k]
+    return wp.vec4d(wp.float64(w[0]), wp.float64(w[1]), wp.float64(w[2]), wp.float64(w[3]))
 
 
 @wp.kernel
@@ -128,8 +153,8 @@ def add_pair(
     if n < pairs.kind.shape[0]:
         pairs.kind[n] = kind
         pairs.particles[n] = i
-        pairs.distance[n] = contact
-        pairs.side[n] = wp.normalize(d)
+        pairs.distance[n] = real(contact)
+        pairs.side[n] = narrow(wp.normalize(d))
 
 
 @wp.func

@@ -5,7 +5,7 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights
-from .contact_pairs import Pairs, narrow, wide
+from .contact_pairs import Contacts, Pairs, narrow, put_contact, weights_of, wide
 from .counting import add_whole, add_whole_at
 from .precision import FORWARD_ONLY, real, vec3
 
@@ -80,9 +80,7 @@ def find_contacts(
     # State in
     particle_q: wp.array(dtype=vec3),
     # Out
-    weights_out: wp.array(dtype=wp.vec4d),
-    normal_out: wp.array(dtype=wp.vec3d),
-    depth_out: wp.array(dtype=wp.float64),
+    contacts_out: Contacts,
     share_out: wp.array(dtype=wp.int64),
 ):
     """Which pairs are closer than their contact distance: weights, normal, depth [m]; and Σ |weight| per particle."""
@@ -96,19 +94,19 @@ def find_contacts(
         w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
         d = combine(w, x0, x1, x2, x3)
         length = wp.length(d)
-        n = pairs.side[k]
+        n = wide(pairs.side[k])
+        distance = wp.float64(pairs.distance[k])
         # Through each other are only features whose closest points lie inside both; past a border d may turn.
         inside = w[0] != zero and w[1] != zero and w[2] != zero and w[3] != zero
-        if length > wp.float64(1.0e-3) * pairs.distance[k]:
+        if length > wp.float64(1.0e-3) * distance:
             if inside and wp.dot(d, n) < zero:
                 n = -d / length
             else:
                 n = d / length
-        depth = pairs.distance[k] - wp.dot(d, n)
-        depth_out[k] = depth
+        depth = distance - wp.dot(d, n)
+        contacts_out.depth[k] = real(depth)
         if depth > zero:
-            weights_out[k] = w
-            normal_out[k] = n
+            put_contact(contacts_out, k, w, n)
             add_share(share_out, i, w)
 
 
@@ -136,9 +134,7 @@ def push_contacts(
     particle_q: wp.array(dtype=vec3),
     particle_free: wp.array(dtype=vec3),
     dt: wp.float64,
-    weights: wp.array(dtype=wp.vec4d),
-    normal: wp.array(dtype=wp.vec3d),
-    depth: wp.array(dtype=wp.float64),
+    contacts: Contacts,
     share: wp.array(dtype=wp.int64),
     # Out
     move_out: wp.array2d(dtype=wp.int64),
@@ -157,18 +153,19 @@ def push_contacts(
     not have: 0.12 m/s with the part of the approach instead, 0.012 m/s so.)
     """
     for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
-        if depth[k] <= wp.float64(0.0):
+        depth = wp.float64(contacts.depth[k])
+        if depth <= wp.float64(0.0):
             continue
         i = pairs.particles[k]
-        w = weights[k]
-        n = normal[k]
+        w = weights_of(contacts, k)
+        n = wide(contacts.normal[k])
         zero = wp.float64(0.0)
         effective = effective_mobility(particle_inv_mass, i, w)
         if effective <= zero:
             continue
         part = effective / crowd(particle_inv_mass, share, i, w)
         moved = relative_motion(particle_start, particle_q, i, w)
-        depth_share = part * depth[k]
+        depth_share = part * depth
         push = wp.min(depth_share, wp.max(-wp.dot(moved, n), zero))
         friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
         carried = relative_motion(particle_start, particle_free, i, w)

@@ -82,7 +82,7 @@ class Surface:
         firsts = self.cloth_particles + np.cumsum([0, *self._sizes])
         parts = [solid.triangles + first for solid, first in zip(solids, firsts[:-1], strict=True)]
         corners = np.concatenate([self.model.tri_indices.numpy(), *parts])
-        self.tri_indices = self.model.array(corners, wp.int32)
+        self.tri_indices = self.model.array(corners, wp.int32) if solids else self.model.tri_indices
         self.tri_owned = self.model.array(owned_features(corners), wp.int32)
         self.particle_count, self.tri_count = int(firsts[-1]), len(corners)
 

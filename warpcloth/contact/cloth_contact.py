@@ -170,7 +170,7 @@ class ClothContact:
                 surface.inv_mass, found.pairs, SEPARATION, CLEARANCE, PATIENCE, self.width, self.start, self.now,
                 self.rounds,
             ],
-            [found.weights, found.normal, found.depth, self.share, self.met, self.impacts],
+            [found.contacts, self.share, self.met, self.impacts],
         )  # fmt: skip
         self._launch(
             kernels.contact_impact.count_round, 1, [ROUNDS], [self.impacts, self.remaining, self.rounds, self.counts]
@@ -179,7 +179,7 @@ class ClothContact:
             kernels.contact_impact.bounce, self.width,
             [
                 surface.inv_mass, surface.friction, found.pairs, self.width, self.start, self.now, state.particle_qd,
-                self.model.particle_count, span, found.weights, found.normal, found.depth, self.share, self.impacts,
+                self.model.particle_count, span, found.contacts, self.share, self.impacts,
             ],
             [self.move, self.kick],
         )  # fmt: skip
@@ -197,13 +197,13 @@ class ClothContact:
         self._launch(
             kernels.find_contacts, self.width,
             [near.pairs, self.width, self.now],
-            [near.weights, near.normal, near.depth, self.share],
+            [near.contacts, self.share],
         )  # fmt: skip
         self._launch(
             kernels.push_contacts, self.width,
             [
                 surface.inv_mass, surface.friction, near.pairs, self.width, self.before, self.now, self.free, dt,
-                near.weights, near.normal, near.depth, self.share,
+                near.contacts, self.share,
             ],
             [self.move, self.kick],
         )  # fmt: skip

@@ -101,12 +101,12 @@ class PairFinder:
         self._launch(self.kernels.contact_fans.find_flat_fans, self.model.particle_count, inputs, [self.flat])
 
     def grow(self) -> bool:
-        """Makes room for half as much again as there was ever need of; False if there was room enough."""
+        """Makes room for a quarter more than there was ever need of; False if there was room enough."""
         peak = int(self.peak.numpy()[0])
         fill(self.peak)
         if peak <= self.capacity:
             return False
-        self._allocate(peak + peak // 2)
+        self._allocate(peak + peak // 4)
         return True
 
     def forget(self) -> None:
@@ -121,7 +121,7 @@ class PairFinder:
 
         self.capacity = capacity
         self.known = self.kernels.contact_candidates.TrianglePairs()
-        self.known.pair, self.known.hole = numbers(capacity, wp.vec2i), numbers(capacity)
+        self.known.pair, self.known.hole = numbers(capacity, wp.vec2i), numbers(capacity // 2 + 1)
         self.known.count, self.known.holes, self.known.added = numbers(1), numbers(1), numbers(1)
         self.known.peak = self.peak
         self.forget()

@@ -14,7 +14,7 @@ class PairList:
 
     Attributes:
         pairs: the ``Pairs`` struct. capacity: room in it.
-        weights, normal, depth: of the pairs in contact; scratch of the response.
+        contacts: the ``Contacts`` struct of those of them that touch; scratch of the response.
     """
 
     def __init__(self, model: Model, capacity: int):
@@ -23,12 +23,12 @@ class PairList:
         self._allocate(capacity)
 
     def grow(self) -> bool:
-        """Makes room for half as much again as the peak, and clears it; False if there was room enough."""
+        """Makes room for a quarter more than the peak, and clears it; False if there was room enough."""
         peak = int(self.peak.numpy()[0])
         fill(self.peak)
         if peak <= self.capacity:
             return False
-        self._allocate(peak + peak // 2)
+        self._allocate(peak + peak // 4)
         return True
 
     def _allocate(self, capacity: int) -> None:
@@ -41,11 +41,12 @@ class PairList:
         self.pairs.peak = self.peak
         self.pairs.kind = room(wp.int32)
         self.pairs.particles = room(wp.vec4i)
-        self.pairs.side = room(wp.vec3d)
-        self.pairs.distance = room(wp.float64)
-        self.weights = room(wp.vec4d)
-        self.normal = room(wp.vec3d)
-        self.depth = room(wp.float64)
+        self.pairs.side = room(self.model.vec3)
+        self.pairs.distance = room(self.model.real)
+        self.contacts = self.model.kernels.contact_pairs.Contacts()
+        self.contacts.weights = room(self.model.kernels.precision.vec4)
+        self.contacts.normal = room(self.model.vec3)
+        self.contacts.depth = room(self.model.real)
 
 
 def loop_width(device: wp.Device) -> int:

@@ -103,7 +103,7 @@ class TileSweep:
         order = np.argsort(phase, kind="stable")
         entry, lane_spring = lanes.entry[order], lanes.lane_spring[order]
         self._laws = LaneLaws(model, lane_spring)
-        self._particle = entry[:, 1]
+        self._particle = entry[:, 1].astype(np.int32)
         self._force = wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device)
         bounds = np.searchsorted(phase[order], np.arange(PHASES + 1)).tolist()
         wide = 3 * lane_spring.shape[1]
