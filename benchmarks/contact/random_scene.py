@@ -17,6 +17,7 @@ from .things import Table, radius_of, random_cloth, random_solid, reach_along
 
 GAP = 0.06  # [m] between the layers of space
 FASTEST = 10.0  # [m/s]
+PEAK = {"linear": 1.0, "smooth": 1.5}  # greatest speed of a motion, of its mean
 LAST_SEED = 2**32 - 1
 SCHEMES = sorted(name for name, scheme in INTEGRATORS.items() if not scheme.adaptive)
 
@@ -141,7 +142,11 @@ def _passing(draw: Draw, height: float, size: float) -> Table:
 
 def _there(draw: Draw, displacement: list[float], way: float) -> dict[str, Any]:
     """Motion over a way [m], perhaps spinning, perhaps after a while."""
-    begin = draw.number(0.0, 0.3)
-    last = round(begin + way / draw.number(0.1 * FASTEST, FASTEST), 4)
-    end = {"time": last, "position": displacement, "rotation": draw.numbers(3, -360.0, 360.0)}
-    return {"interpolation": draw.one_of(["linear", "smooth"]), "keys": [{"time": begin}, end]}
+    begin, fastest = draw.number(0.0, 0.3), draw.number(0.1 * FASTEST, FASTEST)
+    rotation, interpolation = draw.numbers(3, -360.0, 360.0), draw.one_of(list(PEAK))
+    end = {
+        "time": round(begin + PEAK[interpolation] * way / fastest, 4),
+        "position": displacement,
+        "rotation": rotation,
+    }
+    return {"interpolation": interpolation, "keys": [{"time": begin}, end]}
