@@ -12,6 +12,8 @@ import warp as wp
 
 from .precision import mat33, real, vec3
 
+TURNED = wp.constant(1.0 - 0.5**0.5)  # 1 − cos 45°
+
 
 @wp.func
 def direction(d: vec3):
@@ -79,6 +81,19 @@ def spring_tangent_matrix(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: r
 def spring_stiffness_matrix(d: vec3, rest_length: real, k_s: real, project: real):
     """Second derivative of the energy with respect to d [N/m]: :func:`spring_tangent_matrix` without damping."""
     return spring_tangent_matrix(d, vec3(), rest_length, k_s, real(0.0), project)
+
+
+@wp.func
+def spring_turning_matrix(d: vec3, rest_length: real, k_s: real):
+    """What :func:`spring_stiffness_matrix` is along the spring, and across it no less than on the way to a turn of 45°.
+
+    An end of a spring at rest that moves across it, by r tan θ, makes it r/cos θ long; what then pulls the end back is
+    (k_s/r)(1 − cos θ) times its way. The second derivative at rest, 0, knows nothing of that.
+    """
+    n = direction(d)
+    nn = wp.outer(n, n)
+    transverse = wp.max(real(TURNED), real(1.0) - rest_length / wp.length(d))  # also of a length of 0
+    return mat33((k_s / rest_length) * (nn + transverse * (wp.identity(n=3, dtype=real) - nn)))
 
 
 @wp.func

@@ -1,9 +1,10 @@
 """Vertex block descent: each particle in turn takes a Newton step on its own three coordinates, its neighbours held.
 
 A step h of implicit Euler is the equation m (δ − δ̂)/h² = f of every particle, f the spring forces at the end of the
-step. Particles of one launch have no spring in common, so all of them move downhill at once (Chen et al. 2024). A
-compressed spring would make the 3×3 block indefinite; its transverse part is left out, as ``spring_stiffness_matrix``
-says.
+step. Particles of one launch have no spring in common, so all of them move downhill at once (Chen et al. 2024).
+
+Second derivatives alone lead too far: a spring at rest does not resist being turned, so a particle that contact has
+moved out of its sheet would be thrown across it. Their transverse part is that of a spring turned by 45°, at least.
 
 The springs of a particle are stored in rows: the particle at the other end, and (r [m], k_s [N], k_d [N s]).
 """
@@ -13,7 +14,7 @@ import sys
 import warp as wp
 
 from .precision import FORWARD_ONLY, real, vec3
-from .spring_law import spring_damping_matrix, spring_force, spring_stiffness_matrix
+from .spring_law import spring_damping_matrix, spring_force, spring_turning_matrix
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
@@ -49,7 +50,7 @@ def descend(
             u = displacement_out[j] - moved
             d = particle_q[j] - x + u
             f += spring_force(d, u / dt, law[0], law[1], law[2])
-            hessian += spring_stiffness_matrix(d, law[0], law[1], real(1.0))
+            hessian += spring_turning_matrix(d, law[0], law[1])
             hessian += spring_damping_matrix(d, law[0], law[2] / dt)
         displacement_out[i] = moved + wp.inverse(hessian) * f
 
