@@ -141,10 +141,20 @@ def entry_force(weight: real, tangent: vec2, moments: Moments):
     return tangent[0] * moments.along + tangent[1] * moments.across - weight * moments.bend
 
 
+@wp.func
+def chosen(which: wp.array(dtype=wp.int32), k: int):
+    """Element number k of those named; none are named: of all."""
+    e = int(k)
+    if which.shape[0] > 0:
+        e = which[k]
+    return e
+
+
 @wp.kernel
 def scatter_forces(
     # Model
     elements: BendingModel,
+    which: wp.array(dtype=wp.int32),
     # State in
     slip: wp.array(dtype=real),
     particle_q: wp.array(dtype=vec3),
@@ -152,8 +162,8 @@ def scatter_forces(
     # Out
     particle_f_out: wp.array(dtype=vec3),
 ):
-    """One thread per element adds its forces to its particles."""
-    e = wp.tid()
+    """One thread per chosen element adds its forces to its particles."""
+    e = chosen(which, wp.tid())
     moments = element_moments(elements, e, slip, particle_q, particle_qd)
     for k in range(elements.start[e], elements.start[e + 1]):
         tangent = entry_tangent(elements.tangent, elements.turning, k)
@@ -165,6 +175,7 @@ def moments(
     # Model
     thread_offset: int,
     elements: BendingModel,
+    which: wp.array(dtype=wp.int32),
     # State in
     slip: wp.array(dtype=real),
     particle_q: wp.array(dtype=vec3),
@@ -172,8 +183,8 @@ def moments(
     # Out
     moments_out: wp.array(dtype=Moments),
 ):
-    """Moments of all elements, for :func:`gather_forces`."""
-    e = thread_offset + wp.tid()
+    """Moments of the chosen elements, for :func:`gather_forces`."""
+    e = chosen(which, thread_offset + wp.tid())
     moments_out[e] = element_moments(elements, e, slip, particle_q, particle_qd)
 
 
@@ -231,13 +242,14 @@ def advance_slip(
     # Model
     thread_offset: int,
     elements: BendingModel,
+    which: wp.array(dtype=wp.int32),
     # State in
     particle_q: wp.array(dtype=vec3),
     # Out
     slip_out: wp.array(dtype=real),
 ):
-    """At the end of a step: what slipped in it."""
-    e = thread_offset + wp.tid()
+    """At the end of a step: what slipped in it, of the chosen elements."""
+    e = chosen(which, thread_offset + wp.tid())
     friction = elements.friction[e]
     if friction[1] > real(0.0):
         sums = element_sums(elements, e, particle_q)

@@ -11,6 +11,7 @@ from ..launching import launch
 from ..model import Model
 from ..state import Memory, State
 from .base import Linearization
+from .bending_lanes import BendingLanes, grouped
 from .springs import ASSEMBLIES
 
 
@@ -23,7 +24,9 @@ class Bending:
         model: the model whose elements these are.
         assembly: "scatter" (one thread per element, atomic adds) or "gather" (fixed order: bitwise
             repeatable on a GPU too).
-        ranges: into how many ranges launches may be cut on the CPU; all is then gathered, to the same sums.
+        ranges: into how many ranges launches may be cut on the CPU, where what scatters goes eight elements at a time
+            (:class:`~warpcloth.forces.bending_lanes.BendingLanes`) or, in worlds that do not fit that, is gathered, to
+            the same sums.
 
     Raises:
         InputError: unknown assembly.
@@ -47,15 +50,21 @@ class Bending:
         pairs = np.diff(self.elements.start.numpy()) ** 2
         self._pair_start = model.array(np.concatenate([[0], np.cumsum(pairs)]), wp.int32)
         self._rows = [model.particle_bend_start, model.particle_bend_ids, model.particle_bend_elements]
+        self._lanes: BendingLanes | None = None
+        self._left, self._left_count, self._left_rows = model.array([], wp.int32), model.bend_count, self._rows
+        if assembly == "scatter" and model.device.is_cpu and not model.differentiable:
+            self._arrange_lanes(ranges)
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds bending forces [N] to ``state.particle_f``."""
         kernels, where = self.model.kernels.bending, [self.slip, state.particle_q, state.particle_qd]
-        if self.gathers:
-            self._launch(kernels.moments, where, self._moments)
-            self._gather(kernels.gather_forces, state.particle_f)
+        if self._lanes is not None:
+            self._lanes.accumulate(state, self.slip)
+        if self.gathers and self._left_count > 0:
+            self._launch_left(kernels.moments, where, self._moments)
+            self._gather(kernels.gather_forces, self._left_rows, state.particle_f)
         else:
-            self._launch(kernels.scatter_forces, where, state.particle_f)
+            self._launch_left(kernels.scatter_forces, where, state.particle_f)
 
     def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
         """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
@@ -63,7 +72,7 @@ class Bending:
         where = [self.slip, at.state.particle_q, x, at.stiffness, at.damping]
         if self.gathers:
             self._launch(kernels.product_moments, where, self._moments)
-            self._gather(kernels.gather_products, out)
+            self._gather(kernels.gather_products, self._rows, out)
         else:
             self._launch(kernels.scatter_products, where, out)
 
@@ -109,20 +118,39 @@ class Bending:
 
     def advance(self, state: State) -> None:
         """The end of a step: ``slip`` follows to ``state``."""
-        if self.slips:
-            self._launch(self.model.kernels.bending.advance_slip, [state.particle_q], self.slip)
+        if not self.slips:
+            return
+        if self._lanes is not None:
+            self._lanes.advance(state, self.slip)
+        self._launch_left(self.model.kernels.bending.advance_slip, [state.particle_q], self.slip)
 
     def memory(self) -> Sequence[Memory]:
         """The slip."""
         starts = self.elements.start.numpy()[:-1]
         return [Memory(self.slip, self.elements.particle.numpy()[starts])] if self.slips else []
 
+    def _arrange_lanes(self, ranges: int) -> None:
+        found, model = grouped(self.model), self.model
+        if len(found.block) == 0:
+            return
+        self._lanes = BendingLanes(model, found, ranges)
+        self._left, self._left_count = model.array(np.flatnonzero(found.left), wp.int32), int(found.left.sum())
+        start, ids, elements = (row.numpy() for row in self._rows)
+        kept = found.left[elements]
+        start = np.concatenate([[0], np.cumsum(kept)])[start]
+        self._left_rows = [model.array(values, wp.int32) for values in (start, ids[kept], elements[kept])]
+
     def _launch(self, kernel: wp.Kernel, inputs: list, out: wp.array) -> None:
         """One thread per element."""
         model = self.model
         launch(kernel, dim=model.bend_count, inputs=[self.elements, *inputs], outputs=[out], device=model.device)
 
-    def _gather(self, kernel: wp.Kernel, out: wp.array) -> None:
+    def _launch_left(self, kernel: wp.Kernel, inputs: list, out: wp.array) -> None:
+        """One thread per element that is in no lane."""
+        where = [self.elements, self._left, *inputs]
+        launch(kernel, dim=self._left_count, inputs=where, outputs=[out], device=self.model.device)
+
+    def _gather(self, kernel: wp.Kernel, rows: list[wp.array], out: wp.array) -> None:
         """One thread per particle."""
-        inputs = [self.elements, *self._rows, self._moments]
+        inputs = [self.elements, *rows, self._moments]
         launch(kernel, dim=self.model.particle_count, inputs=inputs, outputs=[out], device=self.model.device)
