@@ -14,6 +14,7 @@ import sys
 
 import warp as wp
 
+from .direct import int_at, put, real_at, triple_at, vector_at
 from .precision import OPTIONS, real, vec3
 from .wind import Wind, wind_velocity
 
@@ -35,14 +36,13 @@ def meet(a: vec3, b: vec3, c: vec3, v: vec3, air: vec3, density: real):
     """The air's velocity ``air`` relative to triangle abc, whose mean velocity is v; a sliver without area has none."""
     m = Meeting()
     normal = wp.cross(b - a, c - a)
-    twice_area = wp.length(normal)
-    if twice_area > real(0.0):
-        n = normal / twice_area
+    squared = wp.dot(normal, normal)  # of twice the area
+    if squared > real(0.0):
         u = air - v
-        m.across = wp.dot(u, n) * n
+        m.across = (wp.dot(u, normal) / squared) * normal
         m.along = u - m.across
         m.speed = wp.length(u)
-        m.scale = real(0.25) * density * twice_area
+        m.scale = real(0.25) * density * wp.sqrt(squared)
     return m
 
 
@@ -63,14 +63,16 @@ def meeting_of(
     world: int,
     time: wp.float64,
 ):
-    i = tri_indices[t, 0]
-    j = tri_indices[t, 1]
-    k = tri_indices[t, 2]
-    share = tri_corner_share[t]
-    middle = share[0] * particle_q[i] + share[1] * particle_q[j] + share[2] * particle_q[k]
-    v = share[0] * particle_qd[i] + share[1] * particle_qd[j] + share[2] * particle_qd[k]
-    air = wind_velocity(wind, world, middle, time)
-    return meet(particle_q[i], particle_q[j], particle_q[k], v, air, wind.density[world])
+    corners = triple_at(tri_indices, t)
+    share = vector_at(tri_corner_share, t)
+    a = vector_at(particle_q, corners[0])
+    b = vector_at(particle_q, corners[1])
+    c = vector_at(particle_q, corners[2])
+    v = share[0] * vector_at(particle_qd, corners[0])
+    v += share[1] * vector_at(particle_qd, corners[1])
+    v += share[2] * vector_at(particle_qd, corners[2])
+    air = wind_velocity(wind, world, share[0] * a + share[1] * b + share[2] * c, time)
+    return meet(a, b, c, v, air, wind.density[world])
 
 
 @wp.kernel
@@ -93,7 +95,7 @@ def triangle_forces(
 ):
     """The air's force on each triangle [N]."""
     t = thread_offset + wp.tid()
-    world = particle_world[tri_indices[t, 0]]
+    world = int_at(particle_world, triple_at(tri_indices, t)[0])
     time = world_time[world] + time_offset
     m = meeting_of(t, tri_indices, tri_corner_share, particle_q, particle_qd, wind, world, time)
-    tri_force_out[t] = air_force(m, tri_air_drag[t], tri_air_friction[t])
+    put(tri_force_out, t, air_force(m, real_at(tri_air_drag, t), real_at(tri_air_friction, t)))

@@ -4,6 +4,7 @@ import sys
 
 import warp as wp
 
+from .direct import int_at, put, vector_at
 from .precision import OPTIONS, vec3
 
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
@@ -23,8 +24,9 @@ def add_corners(
 ):
     """Adds to each particle its share of each of its triangles; corner c is the (c mod 3)rd of triangle c/3."""
     i = thread_offset + wp.tid()
-    total = particle_out[i]
-    for k in range(particle_corner_start[i], particle_corner_start[i + 1]):
-        t = particle_corner_ids[k] // 3
-        total += tri_corner_share[t][particle_corner_ids[k] % 3] * tri_vector[t]
-    particle_out[i] = total
+    total = vector_at(particle_out, i)
+    for k in range(int_at(particle_corner_start, i), int_at(particle_corner_start, i + 1)):
+        corner = int_at(particle_corner_ids, k)
+        t = corner / 3
+        total += vector_at(tri_corner_share, t)[corner - 3 * t] * vector_at(tri_vector, t)
+    put(particle_out, i, total)

@@ -28,6 +28,10 @@ if OPTIONS["enable_backward"]:
         return array[i]
 
     @wp.func
+    def triple_at(array: wp.array2d(dtype=wp.int32), i: int):
+        return wp.vec3i(array[i, 0], array[i, 1], array[i, 2])
+
+    @wp.func
     def matrix_at(array: wp.array(dtype=mat33), i: int):
         return array[i]
 
@@ -48,6 +52,9 @@ else:
 
     @wp.func_native("return array.data[i];")
     def int_at(array: wp.array(dtype=wp.int32), i: int) -> int: ...
+
+    @wp.func_native("const int* row = array.data + 3 * i; return {row[0], row[1], row[2]};")
+    def triple_at(array: wp.array2d(dtype=wp.int32), i: int) -> wp.vec3i: ...
 
     @wp.func_native("return array.data[i];")
     def matrix_at(array: wp.array(dtype=mat33), i: int) -> mat33: ...

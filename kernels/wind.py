@@ -9,6 +9,7 @@ simulation may run for long.
 
 import warp as wp
 
+from .direct import int_at, real_at, vector_at
 from .precision import real, vec3
 
 
@@ -31,9 +32,11 @@ class Wind:
 @wp.func
 def wind_velocity(wind: Wind, world: int, x: vec3, t: wp.float64):
     """w(x, t) [m/s] in a world."""
-    w = wind.mean[world] * (real(1.0) + wind.gust[world] * real(wp.sin(wind.gust_rate[world] * t)))
+    w = vector_at(wind.mean, world)
+    if real_at(wind.gust, world) != real(0.0):  # a sine in float64 takes as long as all the rest
+        w = w * (real(1.0) + wind.gust[world] * real(wp.sin(wind.gust_rate[world] * t)))
     turn = wp.float64(6.283185307179586)
-    for m in range(wind.start[world], wind.start[world + 1]):
+    for m in range(int_at(wind.start, world), int_at(wind.start, world + 1)):
         angle = wind.rate[m] * t + wind.phase[m]
         angle -= turn * wp.floor(angle / turn)
         w += wp.cos(wp.dot(wind.wave[m], x) + real(angle)) * wind.amplitude[m]
