@@ -38,6 +38,6 @@ def wind_velocity(wind: Wind, world: int, x: vec3, t: wp.float64):
     turn = wp.float64(6.283185307179586)
     for m in range(int_at(wind.start, world), int_at(wind.start, world + 1)):
         angle = wind.rate[m] * t + wind.phase[m]
-        angle -= turn * wp.floor(angle / turn)
+        angle -= turn * wp.floor(angle * (wp.float64(1.0) / turn))
         w += wp.cos(wp.dot(wind.wave[m], x) + real(angle)) * wind.amplitude[m]
     return w
