@@ -34,7 +34,8 @@ class BinaryTree:
         groups, count = tree_groups(model, surface), 2 * model.world_count
         self._boxes = [wp.zeros(len(groups), dtype=wp.vec3, device=model.device) for _ in range(2)]
         self._box(known)
-        self._tree = wp.Bvh(*self._boxes, groups=model.array(groups, wp.int32))
+        lower, upper = self._boxes
+        self._tree = wp.Bvh(lower, upper, groups=model.array(groups, wp.int32))
         sizes = model.array(np.bincount(groups, minlength=count), wp.int32)
         self._root = wp.zeros(count, dtype=wp.int32, device=model.device)
         launch(self._kernels.find_roots, count, [sizes, self._tree.id], [self._root], model.device)
