@@ -128,6 +128,7 @@ _PULL = for_cpu(f"""
 
 # advance_slip of kernels/bending.py, written for vectors.
 _SLIP = for_cpu(f"""
+    const auto& slip = slip_out;
     const int e = groups.group.data[2 * g], count = groups.group.data[2 * g + 1];
     {_ENTRIES}
     bool slips = false;
@@ -147,7 +148,7 @@ _SLIP = for_cpu(f"""
     const V low = curvature - reach, high = curvature + reach;
     const V kept = p < low ? low : p > high ? high : p;
     const V result = ((slip_moment > 0) & (length > 0)) ? kept : p;
-    for (int k = 0; k < count; ++k) slip.data[e + k] = result[k];
+    for (int k = 0; k < count; ++k) slip_out.data[e + k] = result[k];
 """)
 
 
@@ -191,7 +192,7 @@ def _slip(
     g: int,
     elements: BendingModel,
     particle_q: wp.array(dtype=vec3),
-    slip: wp.array(dtype=real),
+    slip_out: wp.array(dtype=real),
 ): ...
 
 

@@ -9,9 +9,9 @@ import sys
 
 import warp as wp
 
-from .contact_ways import Way, may_meet, triangle
+from .contact_ways import Way, may_meet, whole_high, whole_low
 from .counting import count_up
-from .direct import int_at, pair_at
+from .direct import int_at, pair_at, triple_at
 from .precision import FORWARD_ONLY
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -106,18 +106,6 @@ def begin_adding(
         pairs_out.holes[0] = 0
 
 
-@wp.func
-def lower_corner(way: Way):
-    """Of the box of all of a way."""
-    return wp.min(way.low, way.end_low)
-
-
-@wp.func
-def upper_corner(way: Way):
-    """Of the box of all of a way."""
-    return wp.max(way.high, way.end_high)
-
-
 @wp.kernel
 def box_ways(
     # State in
@@ -128,8 +116,8 @@ def box_ways(
 ):
     """Boxes of known ways, as trees of Warp take them."""
     t = wp.tid()
-    lower_out[t] = lower_corner(known[t])
-    upper_out[t] = upper_corner(known[t])
+    lower_out[t] = whole_low(known[t])
+    upper_out[t] = whole_high(known[t])
 
 
 @wp.kernel
@@ -182,7 +170,7 @@ def add_pair(
     """Adds triangles t, which has moved, and u, if they may meet, have no common vertices, and u does not find t."""
     if u == t or (u < t and (int_at(moved, u) | all) == 1):
         return
-    if common_vertex(mine, triangle(tri_indices, u)):
+    if common_vertex(mine, triple_at(tri_indices, u)):
         return
     if may_meet(known[t], known[u]):
         list_pair(t, u, pairs_out)
@@ -212,12 +200,12 @@ def find_triangle_pairs(
     t = thread_offset + wp.tid()
     if (moved[t] | anew[0]) == 0:
         return
-    mine = triangle(tri_indices, t)
+    mine = triple_at(tri_indices, t)
     for group in range(groups_of(t, cloth_tris)):
         root = group_root[2 * particle_world[mine[0]] + group]
         if root < 0:
             continue
-        query = wp.bvh_query_aabb(bvh, lower_corner(known[t]), upper_corner(known[t]), root)
+        query = wp.bvh_query_aabb(bvh, whole_low(known[t]), whole_high(known[t]), root)
         u = int(0)
         while wp.bvh_query_next(query, u):
             add_pair(t, u, mine, tri_indices, moved, anew[0], known, pairs_out)

@@ -11,9 +11,9 @@ import warp as wp
 from .closest import combine, pair_weights
 from .contact_candidates import TrianglePairs, has, length_of
 from .contact_culling import triangles_apart, ways_apart
-from .contact_ways import Way, may_meet, triangle
+from .contact_ways import Way, may_meet
 from .counting import count_up
-from .direct import int_at, pair_at
+from .direct import int_at, pair_at, triple_at
 from .precision import FORWARD_ONLY, real, vec3, vec4
 from .shapes import Placement, to_world
 
@@ -193,8 +193,8 @@ def add_features(
 ):  # fmt: skip
     """The pairs of two triangles' features. One of the two looks at a vertex or edge: the one that owns it (bits 0–2
     and 3–5 of ``tri_owned``)."""
-    mine = triangle(tri_indices, t)
-    other = triangle(tri_indices, u)
+    mine = triple_at(tri_indices, t)
+    other = triple_at(tri_indices, u)
     if triangles_apart(mine, other, start, end, real(margin), real(leeway)):
         return
     left = owned_pairs(tri_owned[t], tri_owned[u])
@@ -290,15 +290,16 @@ def find_fan_pairs(
     """The same of triangles with common vertices none of whose fans is flat (``contact_fans.py``), which are looked at
     from the first of these."""
     for i in range(thread_offset + wp.tid(), particle_corner_start.shape[0] - 1, stride):
-        if flat[i] == 0:
-            last = particle_corner_start[i + 1]
-            for m in range(particle_corner_start[i], last):
-                t = particle_corner_ids[m] / 3
-                for n in range(m + 1, last):
-                    u = particle_corner_ids[n] / 3
-                    common = common_vertices(triangle(tri_indices, t), triangle(tri_indices, u))
-                    if common[0] == i and flat[common[1]] == 0 and (tri_active[t] | tri_active[u]) == 1:
-                        add_features(
-                            t, u, tri_indices, tri_owned, particle_body, particle_radius, particle_rest,
-                            particle_from, particle_to, margin, cloth_particles, leeway, pairs_out,
-                        )  # fmt: skip
+        if flat[i] == 1:
+            continue
+        last = particle_corner_start[i + 1]
+        for m in range(particle_corner_start[i], last):
+            t = particle_corner_ids[m] / 3
+            for n in range(m + 1, last):
+                u = particle_corner_ids[n] / 3
+                common = common_vertices(triple_at(tri_indices, t), triple_at(tri_indices, u))
+                if common[0] == i and flat[common[1]] == 0 and (tri_active[t] | tri_active[u]) == 1:
+                    add_features(
+                        t, u, tri_indices, tri_owned, particle_body, particle_radius, particle_rest,
+                        particle_from, particle_to, margin, cloth_particles, leeway, pairs_out,
+                    )  # fmt: skip

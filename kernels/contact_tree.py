@@ -10,7 +10,8 @@ import sys
 import warp as wp
 
 from .contact_candidates import TrianglePairs, groups_of, list_pair
-from .contact_ways import Way, triangle
+from .contact_ways import Way, whole_high, whole_low
+from .direct import triple_at
 from .precision import FORWARD_ONLY
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -82,8 +83,8 @@ def fit_leaves(
         t = tree.triangle[WIDTH * node + lane]
         if t >= 0:
             way = known[t]
-            low = wp.min(low, wp.min(way.low, way.end_low))
-            high = wp.max(high, wp.max(way.high, way.end_high))
+            low = wp.min(low, whole_low(way))
+            high = wp.max(high, whole_high(way))
             put_box(contents_out.way, WAY * node + lane, way.low, way.high)
             put_box(contents_out.way, WAY * node + BOX + lane, way.end_low, way.end_high)
             contents_out.moved[WIDTH * node + lane] = moved[t]
@@ -203,10 +204,10 @@ def search_tree(
     t = thread_offset + wp.tid()
     if (moved[t] | anew[0]) == 0:
         return
-    mine = triangle(tri_indices, t)
+    mine = triple_at(tri_indices, t)
     way = known[t]
-    low = wp.min(way.low, way.end_low)
-    high = wp.max(way.high, way.end_high)
+    low = whole_low(way)
+    high = whole_high(way)
     leaves = tree.triangle.shape[0] / WIDTH
     for group in range(groups_of(t, cloth_tris)):
         stack = Stack()

@@ -8,7 +8,7 @@ import sys
 
 import warp as wp
 
-from .direct import vector_at
+from .direct import triple_at, vector_at
 from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -24,6 +24,18 @@ class Way:
     high: wp.vec3
     end_low: wp.vec3
     end_high: wp.vec3
+
+
+@wp.func
+def whole_low(way: Way):
+    """Lower corner of the box of all of a way."""
+    return wp.min(way.low, way.end_low)
+
+
+@wp.func
+def whole_high(way: Way):
+    """Upper corner of the box of all of a way."""
+    return wp.max(way.high, way.end_high)
 
 
 @wp.func
@@ -78,11 +90,6 @@ def may_meet(a: Way, b: Way):
         if span[0] > span[1]:
             return False
     return True
-
-
-@wp.func
-def triangle(tri_indices: wp.array2d(dtype=wp.int32), t: int):
-    return wp.vec3i(tri_indices[t, 0], tri_indices[t, 1], tri_indices[t, 2])
 
 
 @wp.kernel
@@ -148,8 +155,8 @@ def reached(way: Way, drift: wp.vec3, ahead: float):
     out = way
     if far <= ahead and wp.length(drift) <= ahead:
         onward = wp.min(MOST_AHEAD, ahead / wp.max(far, 1.0e-9)) * step
-        low = wp.min(way.low, way.end_low)
-        high = wp.max(way.high, way.end_high)
+        low = whole_low(way)
+        high = whole_high(way)
         out.low = wp.min(low, low + onward)
         out.high = wp.max(high, high + onward)
         out.end_low = out.low
@@ -187,15 +194,15 @@ def swept_bounds(
     it was.
     """
     t = thread_offset + wp.tid()
-    corners = triangle(tri_indices, t)
+    corners = triple_at(tri_indices, t)
     looked_at = active[corners[0]] | active[corners[1]] | active[corners[2]]
     tri_active_out[t] = looked_at
     moved_out[t] = 0
     if looked_at == 0:
         return
     bare = way_of(corners, particle_from, particle_to)
-    low = wp.min(bare.low, bare.end_low)
-    high = wp.max(bare.high, bare.end_high)
+    low = whole_low(bare)
+    high = whole_high(bare)
     pad = padding(margin, low, high)
     way = grown(bare, pad)
     off = wp.vec3(0.5 * stray * wp.length(bare.end_low - bare.low + bare.end_high - bare.high))

@@ -5,7 +5,8 @@ import sys
 import warp as wp
 
 from .contact_candidates import has
-from .contact_ways import padding, triangle
+from .contact_ways import padding
+from .direct import triple_at
 from .exact_sign import side, turn
 from .precision import FORWARD_ONLY, vec3
 
@@ -157,7 +158,7 @@ def triangle_bounds(
     upper_out: wp.array(dtype=wp.vec3),
 ):
     """Axis-aligned box of every triangle, rounded outward to float32."""
-    i = triangle(tri_indices, wp.tid())
+    i = triple_at(tri_indices, wp.tid())
     a = wp.vec3(particle_q[i[0]])
     b = wp.vec3(particle_q[i[1]])
     c = wp.vec3(particle_q[i[2]])
@@ -187,14 +188,14 @@ def count_intersections(
     Two that have one vertex in common intersect if an edge that is not at that vertex meets the other.
     """
     s = wp.tid()
-    mine = triangle(tri_indices, s)
+    mine = triple_at(tri_indices, s)
     world = particle_world[mine[0]]
     query = wp.bvh_query_aabb(bvh, lower[s], upper[s], wp.bvh_get_group_root(bvh, world))
     t = int(0)
     while wp.bvh_query_next(query, t):
         if t <= s or s >= cloth_tris:
             continue
-        other = triangle(tri_indices, t)
+        other = triple_at(tri_indices, t)
         meet = int(0)
         ways = int(2)
         for way in range(ways):

@@ -9,11 +9,9 @@ import sys
 import warp as wp
 
 from .motion import Tracks, pose_at, rotation_matrix
-from .precision import FORWARD_ONLY, mat33, real, vec3
+from .precision import FORWARD_ONLY, mat33, real, vec3, vec4
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
-
-vec4 = wp.types.vector(4, real)
 
 PLANE = wp.constant(0)
 SPHERE = wp.constant(1)

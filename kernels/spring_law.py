@@ -78,14 +78,8 @@ def spring_tangent_matrix(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: r
 
 
 @wp.func
-def spring_stiffness_matrix(d: vec3, rest_length: real, k_s: real, project: real):
-    """Second derivative of the energy with respect to d [N/m]: :func:`spring_tangent_matrix` without damping."""
-    return spring_tangent_matrix(d, vec3(), rest_length, k_s, real(0.0), project)
-
-
-@wp.func
 def spring_turning_matrix(d: vec3, rest_length: real, k_s: real):
-    """What :func:`spring_stiffness_matrix` is along the spring, and across it no less than on the way to a turn of 45°.
+    """The second derivative of the energy by d along the spring [N/m], and across it no less than for a turn of 45°.
 
     An end of a spring at rest that moves across it, by r tan θ, makes it r/cos θ long; what then pulls the end back is
     (k_s/r)(1 − cos θ) times its way. The second derivative at rest, 0, knows nothing of that.

@@ -5,7 +5,7 @@ import sys
 import warp as wp
 
 from .contact_candidates import has
-from .contact_ways import triangle
+from .direct import triple_at
 from .intersections import point, segment_meets_triangle
 from .precision import FORWARD_ONLY, vec3
 
@@ -74,13 +74,13 @@ def find_crossings(
 ):
     """Lists all edges that pass through triangles, once for each triangle at the edge; not of two obstacles."""
     s = wp.tid()
-    mine = triangle(tri_indices, s)
+    mine = triple_at(tri_indices, s)
     root = wp.bvh_get_group_root(bvh, particle_world[mine[0]])
     query = wp.bvh_query_aabb(bvh, lower[s], upper[s], root)
     t = int(0)
     while wp.bvh_query_next(query, t):
         if t <= s or s >= cloth_tris:
             continue
-        other = triangle(tri_indices, t)
+        other = triple_at(tri_indices, t)
         add_crossings(particle_q, mine, s, other, t, found_out)
         add_crossings(particle_q, other, t, mine, s, found_out)

@@ -7,6 +7,7 @@ import pytest
 from warpcloth.benchmarks.contact import given_cases, random_cases, random_scene, run_cases, watch
 from warpcloth.benchmarks.contact.watch import Outcome, look
 from warpcloth.scenes import load_scene, scene_from_toml
+from warpcloth.scenes.built import BuiltScene
 
 import warpcloth as wc
 from warpcloth.cli import run
@@ -38,6 +39,18 @@ def test_all_arrangements_shapes_speeds_and_schemes_are_drawn():
         name for name, info in wc.integrators().items() if not info.adaptive
     }
     assert any(table.motion is not None for scene in scenes for table in scene.obstacle)
+
+
+def test_nothing_is_faster_than_ten_metres_a_second():
+    """At its fastest, by finite differences of the motion itself."""
+    fastest = []
+    for seed in range(60):
+        for obstacle in BuiltScene.of(random_scene(seed)).obstacles:
+            if obstacle.motion is not None:
+                times = np.linspace(obstacle.motion.times[0], obstacle.motion.times[-1], 401)
+                places = np.array([obstacle.motion.pose(t)[0] for t in times])
+                fastest.append(np.linalg.norm(np.diff(places, axis=0), axis=1).max() / (times[1] - times[0]))
+    assert 9.0 < max(fastest) < 10.02  # times have four digits
 
 
 @pytest.mark.parametrize("seed", range(20))

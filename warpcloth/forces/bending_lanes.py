@@ -98,10 +98,10 @@ class BendingLanes:
         self._groups, self._each = self._kernels.Groups(), self._kernels.Groups()
         self._groups.block = self._each.block = model.array(found.block, wp.int32)
         self._groups.group, self._each.group = model.array(found.group, wp.int32), model.array(found.each, wp.int32)
-        slots, count = min(ranges, len(found.block)), len(found.block)
-        self._slot_start = model.array([count * k // slots for k in range(slots + 1)], wp.int32)
+        starts = lanes_module.shares(len(found.block), ranges)
+        self._slot_start = model.array(starts, wp.int32)
         room = int((found.block[:, 3] - found.block[:, 2]).max()) + 2 * model.kernels.lanes.LANES
-        self._memory = wp.zeros((slots, self._kernels.ROWS * room), dtype=model.real, device=model.device)
+        self._memory = wp.zeros((len(starts) - 1, self._kernels.ROWS * room), dtype=model.real, device=model.device)
 
     def accumulate(self, state: State, slip: wp.array) -> None:
         """Adds bending forces [N] to ``state.particle_f``."""

@@ -78,6 +78,12 @@ def copies(ends: np.ndarray) -> np.ndarray:
     return copy
 
 
+def shares(count: int, ranges: int) -> list[int]:
+    """Where the shares of at most ``ranges`` threads in so many blocks begin, and where the last one ends."""
+    slots = min(ranges, count)
+    return [count * k // slots for k in range(slots + 1)]
+
+
 class LaneLaws:
     """Copies of the properties of springs in lanes; see ``arrange_lanes`` of ``kernels/springs.py``.
 

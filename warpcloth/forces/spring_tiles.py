@@ -57,10 +57,10 @@ class SpringTiles:
         self._tiles.particle = model.array(tile[:, 1], wp.int32)
         self._tiles.start = model.array(np.append(first_entry, len(entry)), wp.int32)
         self._tiles.offset = model.array(entry[:, 2], wp.int32)
-        slots = min(ranges, len(block))
-        self._slot_start = model.array([len(block) * k // slots for k in range(slots + 1)], wp.int32)
+        starts = lanes_module.shares(len(block), ranges)
+        self._slot_start = model.array(starts, wp.int32)
         room = int((block[:, 1] - block[:, 0]).max()) + 2 * lane_spring.shape[1]
-        self._memory = wp.zeros((slots, self._kernels.ROWS * room), dtype=model.real, device=model.device)
+        self._memory = wp.zeros((len(starts) - 1, self._kernels.ROWS * room), dtype=model.real, device=model.device)
         self._laws = LaneLaws(model, lane_spring)
         self._inputs = [self._tiles, self._slot_start, *self._laws.of_entries(0, len(entry))]
 

@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from ..forces import lanes as lanes_module
-from ..forces.lanes import LaneLaws, Lanes, copies
+from ..forces.lanes import LaneLaws, Lanes, copies, shares
 from ..launching import fill, launch
 from ..model import Model
 from ..program import cores
@@ -121,8 +121,7 @@ class TileSweep:
         model = self._model
         own, begins = np.unique(entry[:, 0], return_index=True)
         rows = np.column_stack([begins, np.append(begins[1:], len(entry)), block[own, :2]])
-        slots = min(cores(), len(own))
-        starts = [len(own) * k // slots for k in range(slots + 1)]
+        starts = shares(len(own), cores())
         steps = np.column_stack([entry[:, 1], entry[:, 2]])
         return Phase(
             model.array(starts, wp.int32), model.array(rows, wp.int32), model.array(steps, wp.vec2i), law, force
