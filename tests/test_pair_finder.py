@@ -89,6 +89,8 @@ def test_a_list_with_holes_misses_nothing(finder, seed, share):
         moved = rng.random((len(ways[0]), 1)) < share
         ways.append(ways[-1] + moved * rng.normal(scale=0.03, size=ways[0].shape))
     finder[0].forget()
+    look(finder[0], *pairs_of, *ways[:2])
+    finder[0]._allocate(int(finder[0].known.count.numpy()[0]))  # no more room than there is need of
     remembered = [look(finder[0], *pairs_of, a, b) for a, b in itertools.pairwise(ways)]
     for (a, b), found in zip(itertools.pairwise(ways), remembered, strict=True):
         finder[0].forget()
