@@ -128,6 +128,18 @@ def median_edge(points: np.ndarray, triangles: np.ndarray) -> float:
     return float(np.median(np.linalg.norm(points[triangles] - points[np.roll(triangles, 1, axis=1)], axis=2)))
 
 
+def world_edges(model: Model) -> dict[int, float]:
+    """Of each world with cloth: the shortest of its cloths' median edges [m]."""
+    points, triangles = model.particle_q.numpy(), model.tri_indices.numpy()
+    edges: dict[int, float] = {}
+    for cloth in model.cloths:
+        if cloth.tri_start == cloth.tri_stop:
+            continue
+        own = median_edge(points, triangles[cloth.tri_start : cloth.tri_stop])
+        edges[cloth.world] = min(own, edges.get(cloth.world, own))
+    return edges
+
+
 def owned_features(triangles: np.ndarray) -> np.ndarray:
     """Which vertices (bits 0 to 2) and edges k, k + 1 (bits 3 to 5) belong to each triangle, the first that has them.
 

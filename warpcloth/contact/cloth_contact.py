@@ -16,7 +16,7 @@ from ..launching import copy, fill, launch, only_if, repeat_while
 from ..model import Model
 from ..obstacles import Obstacle
 from ..state import State
-from ..surface import Surface, median_edge
+from ..surface import Surface, world_edges
 from .hold import Hold
 from .intervals import intervals_needed
 from .pair_finder import PairFinder
@@ -146,12 +146,8 @@ class ClothContact:
 
     def _edges_and_obstacles(self) -> list[tuple[float, list[Obstacle]]]:
         """Of each world with cloth: the shortest of its cloths' median edges [m], and its obstacles."""
-        points, triangles = self.model.particle_q.numpy(), self.model.tri_indices.numpy()
-        edges: dict[int, float] = {}
-        for cloth in self.model.cloths:
-            own = median_edge(points, triangles[cloth.tri_start : cloth.tri_stop])
-            edges[cloth.world] = min(own, edges.get(cloth.world, own))
         obstacles = self.model.shapes.obstacles
+        edges = world_edges(self.model)
         return [(edge, [row[1] for row in obstacles if row[0] == world]) for world, edge in edges.items()]
 
     def _part(self, state: State, span: float) -> None:
