@@ -57,6 +57,81 @@ def extrapolate(
 
 
 @wp.kernel
+def find_jumps(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    end_q: wp.array(dtype=vec3),
+    end_qd: wp.array(dtype=vec3),
+    past_dt: wp.array(dtype=wp.float64),
+    # Out
+    jumped_out: wp.array(dtype=wp.int32),
+):
+    """1 in worlds whose state is not that at which their last step ended; ``past_dt`` is 0 where there was none."""
+    i = wp.tid()
+    w = particle_world[i]
+    same = particle_q[i] == end_q[i] and particle_qd[i] == end_qd[i]
+    if past_dt[w] > wp.float64(0.0) and not same:
+        jumped_out[w] = 1
+
+
+@wp.kernel
+def part_worlds(
+    # State in
+    jumped: wp.array(dtype=wp.int32),
+    # Out
+    smooth_out: wp.array(dtype=wp.int32),
+    any_out: wp.array(dtype=wp.int32),
+):
+    """Which worlds go on smoothly, and whether any does not."""
+    w = wp.tid()
+    smooth_out[w] = 1 - jumped[w]
+    if jumped[w] == 1:
+        any_out[0] = 1
+
+
+@wp.kernel
+def take_jumped(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    jumped: wp.array(dtype=wp.int32),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """The state in worlds that jumped."""
+    i = wp.tid()
+    if jumped[particle_world[i]] == 1:
+        particle_q_out[i] = particle_q[i]
+        particle_qd_out[i] = particle_qd[i]
+
+
+@wp.kernel
+def keep_end(
+    # Model
+    particle_world: wp.array(dtype=wp.int32),
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    dt: wp.float64,
+    # Out
+    end_q_out: wp.array(dtype=vec3),
+    end_qd_out: wp.array(dtype=vec3),
+    past_dt_out: wp.array(dtype=wp.float64),
+):
+    """Keeps the end of a step of dt."""
+    i = wp.tid()
+    end_q_out[i] = particle_q[i]
+    end_qd_out[i] = particle_qd[i]
+    past_dt_out[particle_world[i]] = dt
+
+
+@wp.kernel
 def ask_for_start(
     # State in
     past_dt: wp.array(dtype=wp.float64),

@@ -41,14 +41,17 @@ class Worlds:
 @wp.kernel
 def start_worlds(
     # State in
+    takes_part: wp.array(dtype=wp.int32),
     loosest: wp.float64,
     # Out
     worlds_out: Worlds,
 ):
-    """All worlds at work; ``at_work`` must be 0 before."""
+    """Worlds at work are those that take part, of the others nothing is touched; ``at_work`` must be 0 before."""
     w = wp.tid()
-    worlds_out.active[w] = 1
+    worlds_out.active[w] = takes_part[w]
     worlds_out.searching[w] = 0
+    if takes_part[w] == 0:
+        return
     worlds_out.iterations[w] = 0
     worlds_out.cg_iterations[w] = 0
     worlds_out.converged[w] = 0

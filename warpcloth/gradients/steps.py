@@ -8,10 +8,11 @@ import warp as wp
 
 from ..errors import NotDifferentiableError
 from ..integrators import INTEGRATORS, Integrator
-from ..integrators.implicit import ImplicitEuler, ImplicitMidpoint, ImplicitTrapezoid
+from ..integrators.implicit import ImplicitEuler
 from ..integrators.runge_kutta import RungeKutta
 from ..integrators.splitting import Splitting
 from ..integrators.stages import Stages
+from ..integrators.undamped import ImplicitMidpoint, ImplicitTrapezoid
 from ..integrators.xpbd import Xpbd
 from ..model import Model
 from ..state import State

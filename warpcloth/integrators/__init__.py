@@ -12,12 +12,13 @@ from ..model import Model
 from .base import Integrator
 from .bdf2 import Bdf2
 from .embedded_pairs import BogackiShampine, DormandPrince
-from .implicit import ImplicitEuler, ImplicitMidpoint, ImplicitTrapezoid
+from .implicit import ImplicitEuler
 from .linearly_implicit import Imex, LinearImplicitEuler
 from .pbd import Pbd
 from .projective_dynamics import ProjectiveDynamics
 from .runge_kutta import ClassicalRungeKutta, ForwardEuler, Midpoint, Trapezoidal
 from .splitting import Pefrl, SymplecticEuler, VelocityVerlet
+from .undamped import ImplicitMidpoint, ImplicitTrapezoid
 from .vbd import Vbd
 from .xpbd import Xpbd
 

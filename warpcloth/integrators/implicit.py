@@ -1,4 +1,4 @@
-"""Implicit schemes of one stage: implicit Euler, the implicit midpoint and trapezoidal rules.
+"""Implicit schemes of one stage, and the one that damps most, implicit Euler; ``undamped.py`` has those that do not.
 
 Each step solves M (v − v̄) = γ f(x̄ + γ v, v) once; the schemes differ in a handful of numbers.
 """
@@ -7,6 +7,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import warp as wp
+
 from ..forces import Forces
 from ..kinematics import drive_pins
 from ..launching import launch
@@ -14,6 +16,7 @@ from ..model import Model
 from ..state import State
 from .base import Integrator
 from .newton import Newton
+from .travel import travel_step
 
 
 @dataclass(frozen=True)
@@ -66,10 +69,17 @@ class ImplicitScheme(Integrator):
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
-        if self.stage.at_start != 0.0 or self.stage.past != 0.0:
+        self._smooth_step(model, state_in, state_out, forces, dt)
+
+    def _smooth_step(
+        self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float,
+        takes_part: wp.array | None = None,
+    ) -> None:  # fmt: skip
+        """The stage, in worlds that take part (see ``Newton.solve``), and from there to the end of the step."""
+        if self.stage.at_start != 0.0:
             forces.evaluate(state_in)
         self._start(model, state_in, state_out, state_in, dt)
-        self.newton.solve(state_out, forces, self.stage.gamma * dt, self.stage.time * dt)
+        self.newton.solve(state_out, forces, self.stage.gamma * dt, self.stage.time * dt, takes_part)
         if self.stage.beyond != 0.0:
             self.finish(model, state_in, state_out, dt)
 
@@ -81,6 +91,10 @@ class ImplicitScheme(Integrator):
     def stable_step(cls, omega: float, gamma: float) -> float:
         """Stable at any step."""
         return math.inf
+
+    def advised_step(self) -> float:
+        """As long as thrown cloth needs for half an edge, see :func:`~warpcloth.integrators.travel.travel_step`."""
+        return travel_step(self.newton.model)
 
     def _start(
         self, model: Model, state_in: State, state_out: State, past: State, dt: float, stage: Stage | None = None
@@ -128,27 +142,3 @@ class ImplicitEuler(ImplicitScheme):
     reference = "Hairer, Wanner, Solving Ordinary Differential Equations II (1996), IV.3"
     cost = "a few Newton iterations, each of tens to hundreds of matrix products"
     use = "stiff cloth at frame-sized steps; damps motion, the more the larger the step, so drapes settle fast"
-
-
-class ImplicitMidpoint(ImplicitScheme):
-    """Implicit Euler to the middle of the step, and on by as much again."""
-
-    name = "implicit_midpoint"
-    order = 2
-    symplectic = True
-    conserves_angular_momentum = True
-    stage = Stage(gamma=0.5, time=0.5, beyond=1.0)
-    reference = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), II.1.2"
-    cost = "a few Newton iterations, each of tens to hundreds of matrix products"
-    use = "motion without numerical damping: momenta kept, energy bounded; rings when stiff modes are excited"
-
-
-class ImplicitTrapezoid(ImplicitScheme):
-    """Mean of the accelerations, and of the velocities, at both ends; Newmark's scheme with β = 1/4, γ = 1/2."""
-
-    name = "implicit_trapezoid"
-    order = 2
-    stage = Stage(gamma=0.5, at_start=0.5)
-    reference = "Newmark, A Method of Computation for Structural Dynamics, J. Eng. Mech. Div. ASCE 85 (1959)"
-    cost = "a few Newton iterations, each of tens to hundreds of matrix products"
-    use = "structural dynamics' standard; like the midpoint rule, and forces balance exactly at the ends of steps"

@@ -14,6 +14,7 @@ from ..model import Model
 from ..state import State
 from .base import Integrator
 from .conjugate_gradient import ConjugateGradient
+from .travel import travel_step
 
 
 class LinearlyImplicit(Integrator):
@@ -117,6 +118,10 @@ class LinearImplicitEuler(LinearlyImplicit):
     def stable_step(cls, omega: float, gamma: float) -> float:
         """Stable at any step as far as the linearisation holds."""
         return math.inf
+
+    def advised_step(self) -> float:
+        """As long as thrown cloth needs for half an edge, see :func:`~warpcloth.integrators.travel.travel_step`."""
+        return travel_step(self.cg.model)
 
 
 class Imex(LinearlyImplicit):

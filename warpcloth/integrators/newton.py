@@ -74,20 +74,25 @@ class Newton:
         self.cg = ConjugateGradient(model, cg_iterations)
         self.kernels = model.kernels.implicit_step
         self.worlds = _make_worlds(model, self.kernels)
+        self._everywhere = wp.ones(model.world_count, dtype=wp.int32, device=model.device)
         self.position_base, self.velocity_base, self._start, self._residual = (
             wp.zeros_like(model.particle_q) for _ in range(4)
         )
         reach = float(np.abs(model.particle_q.numpy()).max(initial=0.0))
         self._rounding = ROUNDING * reach * float(np.finfo(np.float64 if double else np.float32).eps)
 
-    def solve(self, stage: State, forces: Forces, gamma: float, time_offset: float) -> None:
+    def solve(
+        self, stage: State, forces: Forces, gamma: float, time_offset: float, takes_part: wp.array | None = None
+    ) -> None:
         """From the guess in ``stage`` to the solution there, γ in [s]; positions of pinned particles are kept.
 
         x̄ and v̄ are in ``position_base`` and ``velocity_base``; moving pins go to their place at ``time_offset`` [s].
+        ``takes_part`` (int32, shape [world_count]) is 1 for worlds to solve in, None: all; others stay at their guess.
         """
         model, worlds = self.model, self.worlds
         fill(worlds.at_work)
-        self._launch("start_worlds", model.world_count, [LOOSEST], [worlds])
+        taking_part = self._everywhere if takes_part is None else takes_part
+        self._launch("start_worlds", model.world_count, [taking_part, LOOSEST], [worlds])
         place = [model.particle_inv_mass, self.position_base, gamma]
         self._launch("place", model.particle_count, place, [stage.particle_q, stage.particle_qd])
         drive_pins(model, stage.world_time, time_offset, stage.particle_q, stage.particle_qd)

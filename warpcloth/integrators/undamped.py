@@ -1,0 +1,121 @@
+"""Implicit schemes that damp nothing: the midpoint and the trapezoidal rule; and what they do after a jump.
+
+They keep the energy of the stiffest modes, too, which their steps do not resolve. That is what they are for, as long as
+motion is smooth. But what contact pushes out of something within a step is stretched at once, by more than any motion
+would stretch it, and then it rings for ever: sheets that fell on each other gained speed until they tore. So the step
+that follows a jump is taken as two of implicit Euler, half as long each (Rannacher, Finite element solution of
+diffusion problems with irregular data, Numer. Math. 43, 1984), which damps such modes and keeps the order.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from ..forces import Forces
+from ..launching import copy, fill, launch, only_if
+from ..model import Model
+from ..state import Memory, State
+from .implicit import ImplicitEuler, ImplicitScheme, Stage
+
+
+class UndampedScheme(ImplicitScheme):
+    """A scheme of one stage, with a damped step in each world whose state was changed since its last step.
+
+    Not in differentiable models, whose adjoints know smooth steps only.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        *,
+        tolerance: float | None = None,
+        max_iterations: int = 100,
+        cg_tolerance: float | None = None,
+        cg_iterations: int = 1000,
+    ):
+        super().__init__(
+            model,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            cg_tolerance=cg_tolerance,
+            cg_iterations=cg_iterations,
+        )
+        self._middle, self._damped, self._end = (State.of(model) for _ in range(3))
+        self._jumped, self._smooth = (wp.zeros(model.world_count, dtype=wp.int32, device=model.device) for _ in "ab")
+        self._any = wp.zeros(1, dtype=wp.int32, device=model.device)
+        self._past_dt = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
+
+    def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
+        """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
+        if model.differentiable:
+            super().step(model, state_in, state_out, forces, dt)
+            return
+        self._look(model, state_in)
+        self._smooth_step(model, state_in, state_out, forces, dt, self._smooth)
+        only_if(self._any, lambda: self._damped_step(model, state_in, state_out, forces, dt))
+        end = self._end
+        inputs = [model.particle_world, state_out.particle_q, state_out.particle_qd, dt]
+        self._launch(model, "keep_end", inputs, [end.particle_q, end.particle_qd, self._past_dt])
+
+    def reset(self) -> None:
+        """Forgets the last step: the next one takes the state as it is."""
+        fill(self._past_dt)
+
+    def memory(self) -> Sequence[Memory]:
+        """The end of the last step, and its length."""
+        if self.newton.model.differentiable:
+            return ()
+        own = np.arange(len(self._end.particle_q))
+        ends = [Memory(array, own) for array in (self._end.particle_q, self._end.particle_qd)]
+        return [*ends, Memory(self._past_dt, None)]
+
+    def _look(self, model: Model, state_in: State) -> None:
+        """Which worlds are not where their last step ended."""
+        end = self._end
+        fill(self._jumped)
+        fill(self._any)
+        inputs = [state_in.particle_q, state_in.particle_qd, end.particle_q, end.particle_qd, self._past_dt]
+        self._launch(model, "find_jumps", [model.particle_world, *inputs], [self._jumped])
+        kernel = model.kernels.implicit_schemes.part_worlds
+        launch(kernel, model.world_count, [self._jumped], [self._smooth, self._any], device=model.device)
+
+    def _damped_step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
+        """Two half steps of implicit Euler, in worlds that jumped."""
+        half, middle, damped = 0.5 * dt, self._middle, self._damped
+        for state in (middle, damped):
+            copy(state.world_time, state_in.world_time)
+        self._start(model, state_in, middle, state_in, half, ImplicitEuler.stage)
+        self.newton.solve(middle, forces, half, half, self._jumped)
+        self._start(model, middle, damped, middle, half, ImplicitEuler.stage)
+        self.newton.solve(damped, forces, half, dt, self._jumped)
+        inputs = [model.particle_world, self._jumped, damped.particle_q, damped.particle_qd]
+        self._launch(model, "take_jumped", inputs, [state_out.particle_q, state_out.particle_qd])
+
+    def _launch(self, model: Model, kernel: str, inputs: list, outputs: list) -> None:
+        function = getattr(model.kernels.implicit_schemes, kernel)
+        launch(function, dim=model.particle_count, inputs=inputs, outputs=outputs, device=model.device)
+
+
+class ImplicitMidpoint(UndampedScheme):
+    """Implicit Euler to the middle of the step, and on by as much again."""
+
+    name = "implicit_midpoint"
+    order = 2
+    symplectic = True
+    conserves_angular_momentum = True
+    stage = Stage(gamma=0.5, time=0.5, beyond=1.0)
+    reference = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), II.1.2"
+    cost = "a few Newton iterations, each of tens to hundreds of matrix products"
+    use = "motion without numerical damping: momenta kept, energy bounded; damped while contact or a hook acts"
+
+
+class ImplicitTrapezoid(UndampedScheme):
+    """Mean of the accelerations, and of the velocities, at both ends; Newmark's scheme with β = 1/4, γ = 1/2."""
+
+    name = "implicit_trapezoid"
+    order = 2
+    stage = Stage(gamma=0.5, at_start=0.5)
+    reference = "Newmark, A Method of Computation for Structural Dynamics, J. Eng. Mech. Div. ASCE 85 (1959)"
+    cost = "a few Newton iterations, each of tens to hundreds of matrix products"
+    use = "structural dynamics' standard; like the midpoint rule, and forces balance exactly at the ends of steps"
