@@ -214,18 +214,36 @@ def test_edges_that_slide_past_each_other_do_not_flip():
 
 
 def test_intervals_follow_the_fastest_obstacle():
-    """Half an edge of 2 cm in each; a spin counts by the obstacle's reach, smooth keys by half as much again."""
+    """A quarter of an edge of 2 cm in each; a spin counts by the obstacle's reach, smooth keys by half more."""
     still, ball = wc.Plane(), wc.Sphere((0, 0, 0), 0.1)
     assert intervals_needed(0.02, [still, ball], 1 / 60) == 2  # no longer than 1/120 s
     flies = wc.Motion([0, 1], [[0, 0, 0], [6, 0, 0]], np.zeros((2, 3)))
-    assert intervals_needed(0.02, [still, wc.Sphere((0, 0, 0), 0.1, motion=flies)], 1 / 60) == 10
+    assert intervals_needed(0.02, [still, wc.Sphere((0, 0, 0), 0.1, motion=flies)], 1 / 60) == 20
     smooth = wc.Motion([0, 1], flies.positions, flies.rotations, interpolation="smooth")
-    assert intervals_needed(0.02, [wc.Sphere((0, 0, 0), 0.1, motion=smooth)], 1 / 60) == 15
+    assert intervals_needed(0.02, [wc.Sphere((0, 0, 0), 0.1, motion=smooth)], 1 / 60) == 30
     spins = wc.Motion([0, 1], np.zeros((2, 3)), [[0, 0, 0], [0, 0, 60]])
-    assert intervals_needed(0.02, [wc.Sphere((0, 0, 0), 0.1, motion=spins)], 1 / 60) == 10
+    assert intervals_needed(0.02, [wc.Sphere((0, 0, 0), 0.1, motion=spins)], 1 / 60) == 20
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     swells = wc.MeshObstacle(points, [[0, 1, 2]], sample_times=[0, 1], sample_points=[points, points * 7])
-    assert intervals_needed(0.02, [swells], 1 / 60) == 10
+    assert intervals_needed(0.02, [swells], 1 / 60) == 20
+
+
+def test_small_obstacles_need_more_intervals():
+    """A quarter of half their width, where that is less than an edge; a plate is wide, a rod is not."""
+    flies = wc.Motion([0, 1], [[0, 0, 0], [6, 0, 0]], np.zeros((2, 3)))
+    corners = np.array([[0.0, 0, 0], [0.01, 0, 0], [0, 0.02, 0], [0, 0, 0.03]])
+    needle = wc.MeshObstacle(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], motion=flies)
+    counts = [
+        intervals_needed(0.02, [obstacle], 1 / 60)
+        for obstacle in (
+            wc.Sphere((0, 0, 0), 0.01, motion=flies),
+            wc.Capsule((0, 0, 0), (0, 0, 1), 0.005, motion=flies),
+            wc.Box((0, 0, 0), (1.0, 0.001, 1.0), motion=flies),
+            wc.Box((0, 0, 0), (0.001, 0.02, 1.0), motion=flies),
+            needle,
+        )
+    ]
+    assert counts == [40, 80, 20, 40, 40]
 
 
 @settings(max_examples=50)
@@ -237,7 +255,7 @@ def test_intervals_share_the_substeps_evenly(substeps, speed):
     assert sum(lengths) == substeps
     assert len(lengths) == min(substeps, stage.intervals(1 / 60))
     assert max(lengths) - min(lengths) <= 1
-    assert stage.intervals(1 / 60) == max(2, np.ceil(speed / 60 / (0.5 * 0.1)))  # edges of 0.1 m
+    assert stage.intervals(1 / 60) == max(2, np.ceil(speed / 60 / (0.25 * 0.1) - 1e-9))  # edges of 0.1 m
 
 
 def test_impacts_bring_cloth_to_the_obstacles_speed():
