@@ -102,7 +102,8 @@ def check_finite(model: Model, bad: np.ndarray, time: float, integrator: str, su
         where = f" of world {world}" if model.world_count > 1 else ""
         raise DivergedError(
             f"The simulation diverged: {bad[world]} particles{where} are not finite at {time:.4g} s with {integrator} "
-            f'and {substeps} substeps; use substeps="auto", more substeps, or an implicit integrator.',
+            f'and {substeps} substeps; use substeps="auto", more substeps, or an integrator that damps: xpbd or '
+            "implicit_euler.",
             tuple(np.flatnonzero(bad).tolist()),
         )
 

@@ -126,7 +126,7 @@ class ClothContact:
         if torn.any():
             raise DivergedError(
                 f"The simulation diverged: {torn.sum()} triangle edges grew to {TORN:g} times their length in one "
-                'frame; use substeps="auto", more substeps, or an implicit integrator.',
+                'frame; use substeps="auto", more substeps, or an integrator that damps: xpbd or implicit_euler.',
                 tuple(np.flatnonzero(torn).tolist()),
             )
         short = any([self.pairs.grow(), self.finder.grow()])
