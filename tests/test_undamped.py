@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import warpcloth as wc
+from warpcloth.contact.travel import travel_step
+from warpcloth.integrators import INTEGRATORS
 
 SCHEMES = ["implicit_midpoint", "implicit_trapezoid"]
 FABRIC = wc.Fabric(thickness=0.0025, friction=0.5, stretch_stiffness=300.0, shear_stiffness=60.0, bend_stiffness=0.2)
@@ -93,16 +95,29 @@ def test_a_reset_is_no_jump(name):
 
 
 @pytest.mark.parametrize("name", ["implicit_euler", "bdf2", "linear_implicit_euler", *SCHEMES])
-def test_thrown_cloth_moves_half_an_edge_a_step(name):
-    """0.03 m between particles, 6 m/s: 2.5 ms; of two worlds the faster one counts, and cloth at rest asks for none."""
+def test_no_implicit_step_takes_cloth_through_its_own_cells(name):
+    """A third of an edge, 10 mm, at √(v² + 2 g L) with L = 0.24 m; of two worlds the faster one counts."""
 
-    def substeps(*speeds: float) -> int:
+    def substeps(*speeds: float, contact: str = "all") -> int:
         worlds = [([replace(sheet(), velocity=(0.0, v, 0.0))], []) for v in speeds]
-        return wc.Simulation(wc.Model.build_worlds(worlds), name).substeps_for(0.024)
+        return wc.Simulation(wc.Model.build_worlds(worlds), name, contact=contact).substeps_for(0.024)
 
-    assert [substeps(0.0), substeps(6.0), substeps(3.0), substeps(0.0, 6.0)] == [1, 10, 5, 10]
+    times = INTEGRATORS[name].steps_per_travel
+    assert times == (3 if name == "linear_implicit_euler" else 1)
+    found = [substeps(0.0), substeps(6.0), substeps(3.0), substeps(0.0, 6.0)]
+    assert found == [times * count for count in (6, 16, 9, 16)]
+    assert substeps(6.0, contact="none") == 1
+
+
+def test_other_steps_are_as_they_were():
+    cloth = replace(sheet(), velocity=(0.0, 6.0, 0.0))
+    counts = [wc.Simulation(wc.Model.build(c), "xpbd", contact="all").substeps_for(0.024) for c in (sheet(), cloth)]
+    assert counts[0] == counts[1]
 
 
 def test_pinned_particles_are_not_thrown():
-    cloth = replace(sheet(pins=np.arange(81)), velocity=(0.0, 6.0, 0.0))
-    assert wc.Simulation(wc.Model.build(cloth), "implicit_euler").substeps_for(0.024) == 1
+    thrown = [replace(sheet(pins=pins), velocity=(0.0, 60.0, 0.0)) for pins in ((), np.arange(80), np.arange(81))]
+    steps = [travel_step(wc.Model.build(cloth)) for cloth in thrown]
+    assert steps[0] == pytest.approx(0.01 / math.hypot(60.0, math.sqrt(2 * 9.81 * 0.24)))
+    assert steps[1] == steps[0]
+    assert math.isinf(steps[2])

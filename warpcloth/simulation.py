@@ -328,4 +328,4 @@ class Simulation:
     def _stable_substeps(self, dt: float) -> int:
         self._auto_step = self._auto_step or stability.automatic_step(self.model, self.integrator)
         stable = stability.count_steps(self.integrator, self._auto_step, dt, MAX_SUBSTEPS)
-        return max(stable, self.contact.intervals(dt))
+        return max(stable, self.contact.fewest_substeps(dt, MAX_SUBSTEPS, self.integrator.steps_per_travel))

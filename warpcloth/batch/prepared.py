@@ -9,6 +9,7 @@ from typing import Any
 from .. import stability
 from ..cloth import Cloth
 from ..contact.intervals import intervals_needed
+from ..contact.travel import travel_step, travels
 from ..integrators import INTEGRATORS, make_integrator
 from ..motion import Motion
 from ..scenes import Scene
@@ -80,7 +81,8 @@ def prepare(sample: Sample) -> Prepared:
         substeps = _substeps(json.dumps(facts, sort_keys=True), _Cloths(built.cloths, sample.scene))
     else:
         substeps = _needed(BuiltScene(sample.scene, [], [], built.network))
-    fewest = max(rounded_up(substeps), contact_intervals(built))
+    detections = contact_intervals(built) * max(1, INTEGRATORS[options.integrator].steps_per_travel)
+    fewest = min(MAX_SUBSTEPS, max(rounded_up(substeps), detections))
     scene = sample.scene.changed({"simulation.substeps": fewest})
     return Prepared(sample, BuiltScene(scene, built.cloths, built.obstacles, built.network))
 
@@ -122,7 +124,10 @@ def _needed(built: BuiltScene) -> int:
     options = built.scene.simulation
     model = make_model([built])
     integrator = make_integrator(options.integrator, model, options.integrator_options)
-    return stability.substeps_for(model, integrator, 1.0 / built.scene.fps, MAX_SUBSTEPS)
+    dt = 1.0 / built.scene.fps
+    stable = stability.substeps_for(model, integrator, dt, MAX_SUBSTEPS)
+    wanted = 0 if options.contact == "none" else integrator.steps_per_travel * travels(travel_step(model), dt)
+    return min(MAX_SUBSTEPS, max(stable, wanted))
 
 
 def _end(motion: Motion) -> float:

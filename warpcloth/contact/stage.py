@@ -1,5 +1,6 @@
 """All contact of a simulation, as the loop sees it."""
 
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -8,6 +9,7 @@ from ..state import State
 from .cloth_contact import ClothContact
 from .obstacle_response import ObstacleResponse
 from .obstacle_support import ObstacleSupport
+from .travel import travel_step, travels
 
 CONTACTS = ("all", "obstacles", "none")
 
@@ -40,11 +42,22 @@ class ContactStage:
         """Detections in a frame of dt [s], and so the fewest substeps; 1 without contact among cloths."""
         return 1 if self.cloths is None else self.cloths.intervals(dt)
 
+    def fewest_substeps(self, dt: float, most: int, steps_per_travel: int) -> int:
+        """In a frame of dt [s]: one a detection, and what a scheme of so many steps per travel wants, up to ``most``."""
+        fewest = self.intervals(dt)
+        if steps_per_travel == 0 or not self.acts:
+            return fewest
+        return min(most, steps_per_travel * max(fewest, travels(self._travel_step, dt)))
+
     def interval_lengths(self, dt: float, substeps: int) -> list[int]:
         """How many of the ``substeps`` of a frame of dt [s] share each detection; as even as can be."""
         count = min(substeps, self.intervals(dt))
         bounds = [-(-k * substeps // count) for k in range(count + 1)]
         return [last - first for first, last in pairwise(bounds)]
+
+    @cached_property
+    def _travel_step(self) -> float:
+        return travel_step(self.model)
 
     def begin(self, state: State, span: float) -> None:
         """Before the first substep of an interval of ``span`` [s]."""

@@ -28,6 +28,8 @@ class Integrator(Protocol):
         conserves_linear_momentum, conserves_angular_momentum: to round-off, without pins and outer forces, also with
             damped springs.
         contact_share: γ/dt of a scheme that takes obstacles as forces within its step; 0: they act at the step's end.
+        steps_per_travel: how many steps it wants in the time in which cloth moves by a third of an edge, where contact
+            acts (see ``contact/travel.py``); 0: any step will do.
         convergence_options: options under which halving the step shows ``order``: tight solver tolerances, steps of
             the given size. For tests and work-precision diagrams.
         reference: where the scheme is described. cost: of a step, in words. use: what it is good for, in words.
@@ -46,6 +48,7 @@ class Integrator(Protocol):
     conserves_linear_momentum: ClassVar[bool] = True
     conserves_angular_momentum: ClassVar[bool] = False
     contact_share: ClassVar[float] = 0.0
+    steps_per_travel: ClassVar[int] = 0
     convergence_options: ClassVar[Mapping[str, Any]] = {}
     reference: ClassVar[str]
     cost: ClassVar[str]

@@ -16,7 +16,6 @@ from ..model import Model
 from ..state import State
 from .base import Integrator
 from .newton import Newton
-from .travel import travel_step
 
 
 @dataclass(frozen=True)
@@ -53,6 +52,7 @@ class ImplicitScheme(Integrator):
     linearizes = True
     symplectic = False
     capturable = True
+    steps_per_travel = 1
     convergence_options: ClassVar[dict[str, Any]] = {"tolerance": 1e-12}
     stage: ClassVar[Stage]
 
@@ -91,10 +91,6 @@ class ImplicitScheme(Integrator):
     def stable_step(cls, omega: float, gamma: float) -> float:
         """Stable at any step."""
         return math.inf
-
-    def advised_step(self) -> float:
-        """As long as thrown cloth needs for half an edge, see :func:`~warpcloth.integrators.travel.travel_step`."""
-        return travel_step(self.newton.model)
 
     def _start(
         self, model: Model, state_in: State, state_out: State, past: State, dt: float, stage: Stage | None = None
