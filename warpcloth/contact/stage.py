@@ -43,7 +43,7 @@ class ContactStage:
         return 1 if self.cloths is None else self.cloths.intervals(dt)
 
     def fewest_substeps(self, dt: float, most: int, steps_per_travel: int) -> int:
-        """In a frame of dt [s]: one a detection, and what a scheme of so many steps per travel wants, up to ``most``."""
+        """In a frame of dt [s]: one a detection, and what a scheme of so many steps per travel wants; to ``most``."""
         fewest = self.intervals(dt)
         if steps_per_travel == 0 or not self.acts:
             return fewest
