@@ -18,7 +18,7 @@ class SimulationTable(Table):
         {}, "Options of the integrator, e.g. `{ iterations = 10 }`; `warpcloth integrators` names them."
     )
     substeps: Annotated[Literal["auto"] | int, Or("auto", Number("", 1, 100_000, whole=True))] = field(
-        "auto", "Integration steps per frame; `auto` is the fewest that the integrator is stable with."
+        "auto", "Integration steps per frame; `auto` is the fewest that are stable and good in contact."
     )
     gravity: Annotated[tuple[float, float, float], Vector("x y z", Number("m/s²", -1e4, 1e4))] = field(
         (0.0, 0.0, -9.81), "Acceleration of gravity. Z is up."
