@@ -9,6 +9,7 @@ import pytest
 import warpcloth as wc
 from warpcloth.contact.travel import travel_step
 from warpcloth.integrators import INTEGRATORS
+from warpcloth.simulation import MAX_SUBSTEPS
 
 SCHEMES = ["implicit_midpoint", "implicit_trapezoid"]
 FABRIC = wc.Fabric(thickness=0.0025, friction=0.5, stretch_stiffness=300.0, shear_stiffness=60.0, bend_stiffness=0.2)
@@ -58,30 +59,32 @@ def test_only_the_world_that_jumped_is_damped(name):
     first, second = both.state.particle_q.numpy().reshape(2, -1, 3)
     np.testing.assert_array_equal(first, alone.state.particle_q.numpy())
     assert np.abs(second - first).max() > 1e-4
+    mine, others = (sim.integrator.newton.worlds.newton_total.numpy() for sim in (alone, both))
+    assert others[0] == mine[0]  # nothing is solved there for the other world's sake
 
 
 @pytest.mark.parametrize("name", SCHEMES)
 def test_after_a_jump_a_step_is_two_of_implicit_euler(name):
-    def run(scheme: str, substeps: int) -> wc.Simulation:
-        sim = wc.Simulation(wc.Model.build(swinging(), precision="float64"), scheme, substeps=substeps)
-        sim.state.particle_q.assign(start)
+    """With pins that are led, so that the clock counts."""
+    led = wc.pin("top_right", wc.Motion.keyframes([(0, (0, 0, 0)), (2 * DT, (0, 0.01, 0)), (3 * DT, (0, 0.03, 0))]))
+    model = wc.Model.build(sheet(pins=["top_left", led]), precision="float64")
+    sims = [wc.Simulation(model, scheme, substeps=n) for scheme, n in ((name, 1), ("implicit_euler", 2), ("bdf2", 1))]
+    for sim in sims:
+        sim.step(DT)
+    for sim in sims[1:]:
+        sim.state.particle_q.assign(sims[0].state.particle_q)
+    speeds = 1.5 * sims[0].state.particle_qd.numpy()
+    for sim in sims:
         sim.state.particle_qd.assign(speeds)
-        return sim
-
-    sim = wc.Simulation(wc.Model.build(swinging(), precision="float64"), name, substeps=1)
-    sim.step(DT)
-    start = sim.state.particle_q.numpy()
-    speeds = sim.state.particle_qd.numpy() * 1.5
-    euler, fresh = run("implicit_euler", 2), run(name, 1)
-    sim.state.particle_qd.assign(speeds)
-    for one in (sim, euler, fresh):
-        one.step(DT)
-    np.testing.assert_allclose(sim.state.particle_q.numpy(), euler.state.particle_q.numpy(), atol=1e-9)
-    assert np.abs(fresh.state.particle_q.numpy() - euler.state.particle_q.numpy()).max() > 1e-5  # a start is no jump
+        sim.step(DT)
+    mine, euler, other = (sim.state.particle_q.numpy() for sim in sims)
+    np.testing.assert_allclose(mine, euler, atol=1e-9)
+    assert np.abs(mine - other).max() > 1e-5
 
 
+@pytest.mark.parametrize("worlds", [None, [True]])
 @pytest.mark.parametrize("name", SCHEMES)
-def test_a_reset_is_no_jump(name):
+def test_a_reset_is_no_jump(name, worlds):
     sim = wc.Simulation(wc.Model.build(swinging()), name, substeps=2)
 
     def way() -> np.ndarray:
@@ -90,8 +93,21 @@ def test_a_reset_is_no_jump(name):
         return sim.state.particle_q.numpy()
 
     first = way()
-    sim.reset()
+    sim.reset(worlds)
     np.testing.assert_array_equal(way(), first)
+
+
+@pytest.mark.parametrize("what", ["particle_q", "particle_qd"])
+def test_whatever_changes_a_state_is_a_jump(what):
+    ways = []
+    for times in (1.0, 1.0 + 1e-6):
+        sim = wc.Simulation(wc.Model.build(swinging(), precision="float64"), "implicit_midpoint", substeps=1)
+        sim.step(DT)
+        array = getattr(sim.state, what)
+        array.assign(times * array.numpy())
+        sim.step(DT)
+        ways.append(sim.state.particle_q.numpy())
+    assert np.abs(ways[1] - ways[0]).max() > 1e-4  # far more than was changed: another rule took the step
 
 
 @pytest.mark.parametrize("name", ["implicit_euler", "bdf2", "linear_implicit_euler", *SCHEMES])
@@ -113,6 +129,11 @@ def test_other_steps_are_as_they_were():
     cloth = replace(sheet(), velocity=(0.0, 6.0, 0.0))
     counts = [wc.Simulation(wc.Model.build(c), "xpbd", contact="all").substeps_for(0.024) for c in (sheet(), cloth)]
     assert counts[0] == counts[1]
+
+
+def test_steps_for_contact_have_an_end():
+    model = wc.Model.build(replace(sheet(), velocity=(0.0, 1e7, 0.0)))
+    assert wc.Simulation(model, "implicit_euler", contact="all").substeps_for(0.024) == MAX_SUBSTEPS
 
 
 def test_pinned_particles_are_not_thrown():
