@@ -4,7 +4,8 @@ They keep the energy of the stiffest modes, too, which their steps do not resolv
 motion is smooth. But what contact pushes out of something within a step is stretched at once, by more than any motion
 would stretch it, and then it rings for ever: sheets that fell on each other gained speed until they tore. So the step
 that follows a jump is taken as two of implicit Euler, half as long each (Rannacher, Finite element solution of
-diffusion problems with irregular data, Numer. Math. 43, 1984), which damps such modes and keeps the order.
+diffusion problems with irregular data, Numer. Math. 43, 1984), which damps such modes, and keeps the
+order where jumps are few. While something lies on something, every step is such a step.
 """
 
 from collections.abc import Sequence
@@ -42,7 +43,9 @@ class UndampedScheme(ImplicitScheme):
             cg_iterations=cg_iterations,
         )
         self._middle, self._damped, self._end = (State.of(model) for _ in range(3))
-        self._jumped, self._smooth = (wp.zeros(model.world_count, dtype=wp.int32, device=model.device) for _ in "ab")
+        self._jumped, self._smooth = (
+            wp.zeros(model.world_count, dtype=wp.int32, device=model.device) for _ in range(2)
+        )
         self._any = wp.zeros(1, dtype=wp.int32, device=model.device)
         self._past_dt = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
 
