@@ -43,10 +43,8 @@ class UndampedScheme(ImplicitScheme):
             cg_iterations=cg_iterations,
         )
         self._middle, self._damped, self._end = (State.of(model) for _ in range(3))
-        self._jumped, self._smooth = (
-            wp.zeros(model.world_count, dtype=wp.int32, device=model.device) for _ in range(2)
-        )
-        self._any = wp.zeros(1, dtype=wp.int32, device=model.device)
+        counts = (model.world_count, model.world_count, 1)
+        self._jumped, self._smooth, self._any = (wp.zeros(n, dtype=wp.int32, device=model.device) for n in counts)
         self._past_dt = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
