@@ -116,11 +116,12 @@ def test_a_start_that_is_refused_is_a_failure_and_not_an_end():
 
 def test_rows_that_are_kept_are_not_run_again():
     cases = random_cases(3, 2, ["xpbd"], frames=1, resolution=5)
-    first = run_cases(cases[:1])
+    last = run_cases(cases[1:])["rows"]
     heard = []
-    results = run_cases(cases, kept=first["rows"], progress=heard.append)
-    assert results["rows"][0] is first["rows"][0]
-    assert [len(found["rows"]) for found in heard] == [1, 2]
+    results = run_cases(cases, kept=last, progress=lambda *found: heard.append(found))
+    assert results["rows"][1] is last[0]
+    assert [row["scene"] for _, row in heard] == ["random_3", "random_4"]
+    assert [len(found["rows"]) for found, _ in heard] == [2, 2]  # what was kept is never missing
     assert results["summary"]["scenes"] == results["summary"]["clean"] == 2
 
 

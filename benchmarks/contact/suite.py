@@ -66,7 +66,7 @@ def run_cases(
     cases: Sequence[Case],
     seconds: float | None = None,
     kept: Sequence[dict[str, Any]] = (),
-    progress: Callable[[dict[str, Any]], None] = lambda results: None,
+    progress: Callable[[dict[str, Any], dict[str, Any]], None] = lambda results, row: None,
 ) -> dict[str, Any]:
     """Watches all cases.
 
@@ -74,17 +74,18 @@ def run_cases(
         cases: what to watch.
         seconds: processor time for one scene [s]; what is not finished by then counts as unfinished.
         kept: rows of an earlier run; cases that are among them are not run again.
-        progress: called with the results so far, after each case.
+        progress: called after each case with the results so far, all kept ones included, and the case's row.
 
     Returns:
         ``date``, ``machine``, ``rows`` (an ``Outcome`` each, with how to see it again) and ``summary``.
     """
     known = {row["arguments"]: row for row in kept}
-    rows: list[dict[str, Any]] = []
+    rows = {case.arguments: known[case.arguments] for case in cases if case.arguments in known}
     for case in cases:
-        rows = [*rows, known.get(case.arguments) or _watched(case, seconds)]
-        progress(_results(rows))
-    return _results(rows)
+        if case.arguments not in rows:
+            rows[case.arguments] = _watched(case, seconds)
+        progress(_results(_in_order(cases, rows)), rows[case.arguments])
+    return _results(_in_order(cases, rows))
 
 
 def kept_rows(path: Path) -> list[dict[str, Any]]:
@@ -117,6 +118,10 @@ def summarise(rows: Iterable[dict[str, Any]]) -> dict[str, int]:
         "pinched": sum(row["pinched"] > 0 for row in rows),
         "frames": sum(row["frames"] for row in rows),
     }
+
+
+def _in_order(cases: Sequence[Case], rows: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    return [rows[case.arguments] for case in cases if case.arguments in rows]
 
 
 def _watched(case: Case, seconds: float | None) -> dict[str, Any]:

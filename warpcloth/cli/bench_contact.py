@@ -34,10 +34,11 @@ def bench_contact(
     start_warp()
     with progress_bar(len(cases)) as report:
 
-        def on_case(results: dict[str, Any]) -> None:
+        def on_case(results: dict[str, Any], row: dict[str, Any]) -> None:
             # After each, so that whatever ends the run, the next one can go on from here.
-            path.write_text(to_json(results) + "\n", encoding="utf-8")
-            row = results["rows"][-1]
+            partial = path.with_suffix(".partial")
+            partial.write_text(to_json(results) + "\n", encoding="utf-8")
+            partial.replace(path)
             report(f"{row['scene']}, {row['integrator']}")
 
         report(cases[0].scene.name)
