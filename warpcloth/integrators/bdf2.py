@@ -27,22 +27,7 @@ class Bdf2(ImplicitScheme):
     cost = "a few Newton iterations, each of tens to hundreds of matrix products"
     use = "stiff cloth that should keep moving: damps high frequencies like implicit Euler, slow motion hardly"
 
-    def __init__(
-        self,
-        model: Model,
-        *,
-        tolerance: float | None = None,
-        max_iterations: int = 100,
-        cg_tolerance: float | None = None,
-        cg_iterations: int = 1000,
-    ):
-        super().__init__(
-            model,
-            tolerance=tolerance,
-            max_iterations=max_iterations,
-            cg_tolerance=cg_tolerance,
-            cg_iterations=cg_iterations,
-        )
+    def _allocate(self, model: Model) -> None:
         self._past, self._end, self._first = (State.of(model) for _ in range(3))
         self._wanted = wp.zeros(1, dtype=wp.int32, device=model.device)
         self._past_dt = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)

@@ -66,6 +66,7 @@ class ImplicitScheme(Integrator):
         cg_iterations: int = 1000,
     ):
         self.newton = Newton(model, tolerance, max_iterations, cg_tolerance, cg_iterations)
+        self._allocate(model)
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
@@ -86,6 +87,10 @@ class ImplicitScheme(Integrator):
     def metrics(self) -> dict[str, Any]:
         """See :meth:`~warpcloth.integrators.newton.Newton.metrics`."""
         return self.newton.metrics()
+
+    def _allocate(self, model: Model) -> None:
+        """What a scheme keeps besides, for those that keep anything."""
+        return None
 
     @classmethod
     def stable_step(cls, omega: float, gamma: float) -> float:

@@ -4,8 +4,8 @@ They keep the energy of the stiffest modes, too, which their steps do not resolv
 motion is smooth. But what contact pushes out of something within a step is stretched at once, by more than any motion
 would stretch it, and then it rings for ever: sheets that fell on each other gained speed until they tore. So the step
 that follows a jump is taken as two of implicit Euler, half as long each (Rannacher, Finite element solution of
-diffusion problems with irregular data, Numer. Math. 43, 1984), which damps such modes, and keeps the
-order where jumps are few. While something lies on something, every step is such a step.
+diffusion problems with irregular data, Numer. Math. 43, 1984), which damps such modes, and keeps the order where jumps
+are few. While something lies on something, every step is such a step.
 """
 
 from collections.abc import Sequence
@@ -26,22 +26,7 @@ class UndampedScheme(ImplicitScheme):
     Not in differentiable models, whose adjoints know smooth steps only.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        *,
-        tolerance: float | None = None,
-        max_iterations: int = 100,
-        cg_tolerance: float | None = None,
-        cg_iterations: int = 1000,
-    ):
-        super().__init__(
-            model,
-            tolerance=tolerance,
-            max_iterations=max_iterations,
-            cg_tolerance=cg_tolerance,
-            cg_iterations=cg_iterations,
-        )
+    def _allocate(self, model: Model) -> None:
         self._middle, self._damped, self._end = (State.of(model) for _ in range(3))
         counts = (model.world_count, model.world_count, 1)
         self._jumped, self._smooth, self._any = (wp.zeros(n, dtype=wp.int32, device=model.device) for n in counts)
