@@ -12,6 +12,7 @@ import warp as wp
 
 from .lanes import LANES, LAW, for_cpu
 from .precision import FORWARD_ONLY, real, vec3
+from .xpbd import goes_back
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
@@ -27,7 +28,8 @@ _SOLVE = for_cpu(f"""
     unpack((const R*)(displacement_out.data + lo), n, mx, my, mz);
     for (int k = 0; k < n; ++k) w[k] = particle_inv_mass.data[lo + k];
     const R elasticity = dt * dt, viscosity = dt, share = kept * dt * dt, rate = R(1) / (dt * dt);
-    for (int e = of_block[0]; e < of_block[1]; ++e) {{
+    for (int k = of_block[0]; k < of_block[1]; ++k) {{
+        const int e = backwards ? of_block[0] + of_block[1] - 1 - k : k;
         const int i = entry.data[e][0] - lo, j = i + entry.data[e][1];
         {LAW}
         R* force = spring_force_out.data + {3 * LANES} * (long long)e;
@@ -72,6 +74,7 @@ def _solve(
     particle_q: wp.array(dtype=vec3),
     dt: real,
     kept: real,
+    backwards: int,
     memory_out: wp.array(dtype=real),
     displacement_out: wp.array(dtype=vec3),
     spring_force_out: wp.array(dtype=real),
@@ -89,10 +92,13 @@ def solve_tiles(
     shared_law: wp.array(dtype=vec3),
     shared_by: wp.array(dtype=wp.int32),
     particle_inv_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
     # State in
+    world_time: wp.array(dtype=wp.float64),
     particle_q: wp.array(dtype=vec3),
     dt: real,
     kept: real,
+    last: int,
     # Out
     memory_out: wp.array2d(dtype=real),
     displacement_out: wp.array(dtype=vec3),
@@ -106,7 +112,8 @@ def solve_tiles(
     """
     slot = thread_offset + wp.tid()
     for b in range(slot_start[slot], slot_start[slot + 1]):
+        backwards = goes_back(world_time[particle_world[block[b, 2]]], dt, last)
         _solve(
-            b, block, entry, law, shared_law, shared_by, particle_inv_mass, particle_q, dt, kept,
+            b, block, entry, law, shared_law, shared_by, particle_inv_mass, particle_q, dt, kept, backwards,
             memory_out[slot], displacement_out, spring_force_out,
         )  # fmt: skip

@@ -125,9 +125,18 @@ def test_no_implicit_step_takes_cloth_through_its_own_cells(name):
     assert substeps(6.0, contact="none") == 1
 
 
+def test_steps_of_xpbd_are_no_longer_than_its_sweeps_allow_nor_than_contact_does():
+    def substeps(speed: float, contact: str) -> int:
+        model = wc.Model.build(replace(sheet(), velocity=(0.0, speed, 0.0)))
+        return wc.Simulation(model, "xpbd", contact=contact).substeps_for(0.024)
+
+    assert substeps(0.0, "none") == substeps(0.0, "all") == substeps(12.0, "none") == 12
+    assert substeps(12.0, "all") == 30
+
+
 def test_other_steps_are_as_they_were():
     cloth = replace(sheet(), velocity=(0.0, 6.0, 0.0))
-    counts = [wc.Simulation(wc.Model.build(c), "xpbd", contact="all").substeps_for(0.024) for c in (sheet(), cloth)]
+    counts = [wc.Simulation(wc.Model.build(c), "vbd", contact="all").substeps_for(0.024) for c in (sheet(), cloth)]
     assert counts[0] == counts[1]
 
 

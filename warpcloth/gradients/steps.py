@@ -54,10 +54,8 @@ def xpbd_step(recording: Recording, scheme: Xpbd, model: Model, start: State, en
     with recording:
         recording.forces.evaluate(start, without=again.solved_forces)
         again.predict(model, start, end, dt)
-    for iteration in range(again.iterations):
-        for part, force in enumerate(again.force):
-            solve = partial(again.solve_part, model, start.particle_q, dt, iteration, part)
-            recording.in_place(solve, [again.displacement, force])
+    for part, sweep in again.pieces(start, dt):
+        recording.in_place(partial(part.solve, sweep, again.displacement), [again.displacement, *part.arrays])
     with recording:
         again.finish(model, start, end, again.displacement, dt)
 

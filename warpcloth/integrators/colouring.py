@@ -4,6 +4,7 @@ First fit in the given order, on the host, once: deterministic, and on regular g
 family, row by row) as few colours as the most connected particle has springs, which is the least possible.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,18 +13,18 @@ import warp as wp
 from ..model import Model
 
 
-def spring_colours(ends: np.ndarray, particle_count: int) -> np.ndarray:
-    """Colour of each spring or triangle, so that no two of one colour share a particle.
+def spring_colours(ends: np.ndarray | Sequence[Sequence[int]], particle_count: int) -> np.ndarray:
+    """Colour of each spring, triangle or row of springs, so that no two of one colour share a particle.
 
     Args:
-        ends: their particles, int, shape [s, 2] or [s, 3].
+        ends: their particles, int, shape [s, 2] or [s, 3], or lists of any length.
 
     Returns:
         Colours from 0, int32, shape [s].
     """
     used = [0] * particle_count  # bit c: a spring of colour c ends here
     colours = np.empty(len(ends), np.int32)
-    for s, particles in enumerate(ends.tolist()):
+    for s, particles in enumerate(ends.tolist() if isinstance(ends, np.ndarray) else ends):
         taken = 0
         for i in particles:
             taken |= used[i]

@@ -2,7 +2,7 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from .. import validate
 from ..forces import Forces
 from ..kinematics import drive_pins
 from ..launching import fill, launch
-from ..model import Model
+from ..model import ClothRange, Model
 from ..state import Memory, State
 from .base import Integrator
 from .splitting import SymplecticEuler
@@ -39,7 +39,7 @@ class PositionStep(Integrator):
     def __init__(self, model: Model, iterations: int, warm_start: float = 0.0):
         self.iterations = validate.integer(iterations, "iterations", minimum=1, maximum=MAX_ITERATIONS)
         self.warm_start = validate.number(warm_start, "warm_start", minimum=0.0, maximum=1.0)
-        self._weight_step = weight_step(model)
+        self._model = model
         self.inertial, self.displacement, self.spring_acceleration = (
             wp.zeros_like(model.particle_q, requires_grad=model.differentiable) for _ in range(3)
         )
@@ -114,29 +114,30 @@ class PositionStep(Integrator):
         √(L/g) f(a/L), a the length of springs, L the size of the cloth. A square metre pinned at an edge and let go
         keeps its worst mean strain near 2.5 % while it swings, and is below 0.3 % at the end, with 4 substeps of 1/60 s
         at 16 × 16 vertices, 10 at 32 × 32, 25 at 64 × 64 and 65 at 128 × 128, for fabrics of 400 and 12,000 N/m alike
-        (XPBD, one sweep): f = 0.7 (a/L)^(4/3). Four sweeps allow twice the step.
+        (XPBD, two sweeps without spans): f = 0.7 (a/L)^(4/3). Four times as many sweeps allow twice the step.
         """
-        return math.sqrt(self.iterations * self.sweep_value) * self._weight_step
+        return min((self.cloth_step(*scales) for scales in cloth_scales(self._model)), default=math.inf)
+
+    def cloth_step(self, cloth: ClothRange, size: float, edge: float) -> float:
+        """The same for one cloth of size L and edge a [m]."""
+        sweeps = math.sqrt(self.iterations * self.sweep_value)
+        return sweeps * 0.7 * (edge / size) ** (4.0 / 3.0) * math.sqrt(size / STANDARD_GRAVITY)
 
 
-def weight_step(model: Model) -> float:
-    """0.7 (a/L)^(4/3) √(L/g) [s], the least over all cloths; see :meth:`PositionStep.advised_step`.
-
-    L is the diagonal of the cloth's bounding box; a tenth of its in-plane springs are shorter than a, those of woven
-    triangles being as long as the longest chord along the yarn.
-    """
+def cloth_scales(model: Model) -> Iterator[tuple[ClothRange, float, float]]:
+    """Of each cloth L and a [m]: the diagonal of its bounding box, and a length than which a tenth of its in-plane
+    springs are shorter, those of woven triangles being as long as the longest chord along the yarn."""
     in_plane = model.spring_group.numpy() == 0
     chords = [_longest_chords(slopes.numpy()) for slopes in (model.woven.along, model.woven.across)]
     length = np.concatenate([model.spring_rest_length.numpy()[in_plane], *chords])
     corner = model.woven.corners.numpy().reshape(-1, 3)[:, 0]
     first = np.concatenate([model.spring_indices.numpy()[in_plane, 0], corner, corner])
-    positions, steps = model.particle_q.numpy(), [math.inf]
+    positions = model.particle_q.numpy()
     for cloth in model.cloths:
         own = length[(first >= cloth.start) & (first < cloth.stop)]
         size = float(np.linalg.norm(np.ptp(positions[cloth.start : cloth.stop], axis=0)))
         if len(own) and size > 0.0:
-            steps.append(0.7 * (np.quantile(own, 0.1) / size) ** (4.0 / 3.0) * math.sqrt(size / STANDARD_GRAVITY))
-    return float(min(steps))
+            yield cloth, size, float(np.quantile(own, 0.1))
 
 
 def _longest_chords(slopes: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from ..model import Model
 from ..state import Memory
 from .blocks import SpringBlocks
 from .colouring import SpringColours
+from .part import Sweep
 from .sweep_tiles import TileSweep, arranged
 
 
@@ -21,8 +22,11 @@ class ListSweep:
         model: the model. order: of its springs.
 
     Attributes:
-        forces: of the springs in the step before [N], an array for each part, vec3.
+        forces: of the springs in the step before [N], an array for each part, vec3. flat_force: all of them, real;
+            components are ``stride`` apart.
     """
+
+    stride = 1
 
     def __init__(self, model: Model, order: SpringBlocks | SpringColours):
         self._model, self.order = model, order
@@ -32,6 +36,9 @@ class ListSweep:
         whole: dict[str, Any] = {"dtype": model.vec3, "device": model.device, "requires_grad": model.differentiable}
         self._law, self._force = (wp.zeros(len(order.order), **whole) for _ in range(2))
         self._laws, self.forces = order.views(self._law), order.views(self._force)
+        self.flat_force = wp.array(
+            ptr=self._force.ptr, dtype=model.real, shape=3 * len(self._force), device=model.device
+        )  # the same memory
         self.read_springs()
 
     def read_springs(self) -> None:
@@ -53,17 +60,24 @@ class ListSweep:
         """The forces of the step before."""
         return Memory(self._force, self._particle)
 
-    def solve(self, part: int, start: wp.array, dt: float, kept: float, displacement: wp.array) -> None:
+    def slots(self) -> tuple[np.ndarray, np.ndarray]:
+        """As :meth:`~warpcloth.integrators.sweep_tiles.TileSweep.slots`."""
+        return self.order.order, 3 * np.arange(len(self.order.order))
+
+    def solve(self, part: int, sweep: Sweep, displacement: wp.array) -> None:
         """As :meth:`~warpcloth.integrators.sweep_tiles.TileSweep.solve`."""
-        model, ends = self._model, self.order.ends[part]
-        kernel, dim, blocks = model.kernels.xpbd.solve_springs, len(ends), list[wp.array]()
+        model, start, ends = self._model, sweep.start, self.order.ends[part]
+        springs, step = [ends, self._laws[part], model.particle_inv_mass], [start.particle_q, sweep.dt, sweep.kept]
+        kernel, dim = model.kernels.xpbd.solve_springs, len(ends)
         if isinstance(self.order, SpringBlocks):
-            blocks = [self.order.block_start[part]]
-            kernel, dim = model.kernels.xpbd_blocks.solve_blocks, len(blocks[0]) - 1
+            begins = self.order.block_start[part]
+            kernel, dim = model.kernels.xpbd_blocks.solve_blocks, len(begins) - 1
+            springs = [begins, *springs, model.particle_world, start.world_time]
+            step.append(int(sweep.last))
         launch(
             kernel,
             dim=dim,
-            inputs=[*blocks, ends, self._laws[part], model.particle_inv_mass, start, dt, kept],
+            inputs=[*springs, *step],
             outputs=[displacement, self.forces[part]],
             device=model.device,
         )

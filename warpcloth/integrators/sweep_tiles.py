@@ -12,6 +12,7 @@ from ..launching import fill, launch
 from ..model import Model
 from ..program import cores
 from ..state import Memory
+from .part import Sweep
 
 BLOCK_TO_REACH = 2  # particles; at least 1, so that every other block can be solved at the same time
 PHASES = 2
@@ -94,7 +95,8 @@ class TileSweep:
         model: the model. lanes: its springs in the order of :func:`arranged`, at least one.
 
     Attributes:
-        forces: of the springs in the step before [N], as lanes, an array for each part.
+        forces: of the springs in the step before [N], as lanes, an array for each part. flat_force: all of them, real;
+            components are ``stride`` apart.
     """
 
     def __init__(self, model: Model, lanes: Lanes):
@@ -104,11 +106,12 @@ class TileSweep:
         entry, lane_spring = lanes.entry[order], lanes.lane_spring[order]
         self._laws = LaneLaws(model, lane_spring)
         self._particle = entry[:, 1].astype(np.int32)
-        self._force = wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device)
+        self.flat_force = wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device)
+        self.stride, self._lane_spring = lane_spring.shape[1], lane_spring
         bounds = np.searchsorted(phase[order], np.arange(PHASES + 1)).tolist()
         wide = 3 * lane_spring.shape[1]
         self._phases = [
-            self._phase(lanes.block, entry[a:b], self._laws.of_entries(a, b), self._force[wide * a : wide * b])
+            self._phase(lanes.block, entry[a:b], self._laws.of_entries(a, b), self.flat_force[wide * a : wide * b])
             for a, b in pairwise(bounds)
             if a < b
         ]
@@ -133,22 +136,29 @@ class TileSweep:
 
     def reset(self) -> None:
         """Forgets the forces of the step before."""
-        fill(self._force)
+        fill(self.flat_force)
 
     def memory(self) -> Memory:
         """The forces of the step before, a row for each entry."""
         row = wp.types.vector(3 * self._model.kernels.lanes.LANES, self._model.real)
-        rows = wp.array(ptr=self._force.ptr, dtype=row, shape=len(self._particle), device=self._model.device)
+        rows = wp.array(ptr=self.flat_force.ptr, dtype=row, shape=len(self._particle), device=self._model.device)
         return Memory(rows, self._particle)
 
-    def solve(self, part: int, start: wp.array, dt: float, kept: float, displacement: wp.array) -> None:
-        """Solves the springs of one part, in a step of dt [s] from positions ``start``; changes their forces and
-        ``displacement`` in place. ``kept`` is the share of the forces that the displacements contain."""
-        own = self._phases[part]
+    def slots(self) -> tuple[np.ndarray, np.ndarray]:
+        """The numbers of the springs, and where in ``flat_force`` the force of each begins."""
+        entry, lane = np.nonzero(self._lane_spring >= 0)
+        return self._lane_spring[entry, lane], 3 * self.stride * entry + lane
+
+    def solve(self, part: int, sweep: Sweep, displacement: wp.array) -> None:
+        """Solves the springs of one part; changes their forces and ``displacement`` [m] in place."""
+        model, own, start = self._model, self._phases[part], sweep.start
         launch(
             self._kernels.solve_tiles,
             dim=len(own.slot_start) - 1,
-            inputs=[own.slot_start, own.block, own.entry, *own.law, self._model.particle_inv_mass, start, dt, kept],
+            inputs=[
+                own.slot_start, own.block, own.entry, *own.law, model.particle_inv_mass, model.particle_world,
+                start.world_time, start.particle_q, sweep.dt, sweep.kept, int(sweep.last),
+            ],
             outputs=[self._memory, displacement, own.force],
-            device=self._model.device,
-        )
+            device=model.device,
+        )  # fmt: skip

@@ -1,0 +1,156 @@
+"""Spans of springs: what rows there are, that they carry load and slack, and that sweeps end where they would."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import warpcloth as wc
+from warpcloth.integrators.spans import SHORTEST_ROW, UNIT, levels, spring_rows, unit_starts
+
+
+def grid_ends(rows: int, columns: int) -> np.ndarray:
+    number = np.arange(rows * columns).reshape(rows, columns)
+    along = np.stack([number[:, :-1].ravel(), number[:, 1:].ravel()], axis=1)
+    across = np.stack([number[:-1].ravel(), number[1:].ravel()], axis=1)
+    return np.concatenate([along, across])
+
+
+def test_rows_of_a_grid_are_its_threads():
+    ends = grid_ends(7, 9)
+    rows = spring_rows(ends)
+    assert sorted(np.diff(rows.first)) == [6] * 9 + [8] * 7
+    assert np.array_equal(np.sort(rows.spring), np.arange(len(ends)))
+
+
+@given(st.lists(st.tuples(st.integers(0, 30), st.integers(1, 4)), min_size=1, max_size=80))
+def test_rows_go_on_and_share_no_spring(springs):
+    """Also where several springs join the same particles."""
+    ends = np.array([(p, p + step) for p, step in springs])
+    rows = spring_rows(ends)
+    assert len(np.unique(rows.spring)) == len(rows.spring)
+    for first, last in zip(rows.first[:-1], rows.first[1:], strict=True):
+        row = ends[rows.spring[first:last]]
+        assert len(row) >= SHORTEST_ROW
+        assert np.array_equal(row[:-1, 1], row[1:, 0])
+        assert len(np.unique(row[:, 1] - row[:, 0])) == 1
+
+
+@given(st.lists(st.integers(SHORTEST_ROW, 300), min_size=1, max_size=8))
+def test_each_level_covers_a_row_with_spans_that_end_where_others_begin(lengths):
+    first = np.concatenate([[0], np.cumsum(lengths)])
+    start, row = unit_starts(first)
+    assert np.array_equal(np.unique(np.concatenate([start, first])), start)
+    assert np.diff(start).min() >= SHORTEST_ROW
+    assert np.diff(start).max() < 2 * UNIT
+    every = levels(row)
+    finest = every[-1]
+    assert np.array_equal(finest, np.column_stack([np.arange(len(row)), np.arange(len(row)) + 1]))
+    for level in every:
+        assert np.array_equal(row[level[:, 0]], row[level[:, 1] - 1])
+        assert np.all(level[1:, 0] >= level[:-1, 1])
+    whole = {tuple(units) for level in every for units in level.tolist()}
+    assert all(
+        (int(np.searchsorted(row, r)), int(np.searchsorted(row, r, "right"))) in whole for r in set(row.tolist())
+    )
+
+
+def chain(count: int, stretch: float, **options) -> dict:
+    """A straight row of springs of 0.1 m, longer by ``stretch``, in float64."""
+    x = np.zeros((count + 1, 3))
+    x[:, 0] = 0.1 * (1.0 + stretch) * np.arange(count + 1)
+    springs = np.stack([np.arange(count), np.arange(1, count + 1)], axis=1)
+    net = {"positions": x, "masses": 0.01, "springs": springs, "rest_lengths": 0.1, "k_s": 50.0, "k_d": 0.02}
+    return net | {"precision": "float64"} | options
+
+
+def stepped(net: dict, h: float, steps: int = 1, **options) -> np.ndarray:
+    sim = wc.Simulation(wc.Model.from_springs(**net), "xpbd", (0, 0, 0), substeps=1, integrator_options=options)
+    for _ in range(steps):
+        sim.step(h)
+    return sim.state.particle_q.numpy()
+
+
+def test_a_span_is_the_spring_that_its_springs_make():
+    """Ends alone have mass to speak of: eight springs in a row are one of an eighth of the stiffness per length."""
+    masses = np.full(9, 1e-9)
+    masses[[0, 8]] = 0.3
+    row = chain(8, 0.2) | {"masses": masses}
+    one = {"positions": row["positions"][[0, 8]], "springs": [[0, 1]], "rest_lengths": 0.8, "masses": 0.3}
+    one |= {"k_s": 50.0, "k_d": 0.02, "precision": "float64"}
+    assert stepped(row, 0.01, iterations=1)[[0, 8]] == pytest.approx(stepped(one, 0.01, iterations=1), abs=1e-8)
+    assert stepped(row, 0.01, iterations=1, spans=False)[8, 0] - row["positions"][8, 0] > -1e-4
+
+
+@pytest.mark.parametrize("warm_start", [0.0, 0.5])
+def test_sweeps_end_where_they_would_without_spans(warm_start):
+    net = chain(20, 0.1, pinned=[0])
+    net["positions"][:, 2] = 0.05 * np.sin(np.arange(21))
+    options = {"iterations": 3000, "warm_start": warm_start}
+    assert stepped(net, 0.02, 3, **options) == pytest.approx(stepped(net, 0.02, 3, spans=False, **options), abs=1e-9)
+
+
+def test_slack_rows_are_left_alone():
+    net = chain(16, -0.1)
+    assert np.array_equal(stepped(net, 0.01), stepped(net, 0.01, spans=False))
+    assert not np.array_equal(stepped(chain(16, 0.1), 0.01), stepped(chain(16, 0.1), 0.01, spans=False))
+
+
+def test_spans_keep_momentum():
+    net = chain(37, 0.3)
+    net["positions"] += np.random.default_rng(1).normal(size=(38, 3)) * 0.02
+    sim = wc.Simulation(wc.Model.from_springs(**net), "xpbd", (0, 0, 0), substeps=1)
+    sim.step(0.01)
+    momentum = (0.01 * sim.state.particle_qd.numpy()).sum(axis=0)
+    assert np.abs(sim.state.particle_qd.numpy()).max() > 1.0
+    assert np.abs(momentum).max() < 1e-12
+
+
+def worst_strain(sim: wc.Simulation, cloth: wc.Cloth, frames: int = 40) -> float:
+    edges, rest = (values[cloth.springs.kinds == 0] for values in (cloth.springs.indices, cloth.springs.rest_lengths))
+    worst = 0.0
+    for _ in range(frames):
+        sim.step(1.0 / 60.0)
+        q = sim.state.particle_q.numpy()
+        worst = max(worst, float(np.abs(np.linalg.norm(q[edges[:, 1]] - q[edges[:, 0]], axis=1) / rest - 1.0).mean()))
+    return worst
+
+
+@pytest.mark.parametrize("damping_time", [0.0, 5e-4])
+def test_fine_cloth_hangs_with_few_substeps(damping_time):
+    """Also undamped, which springs that begin with half of their former forces do not bear: 20 % and more."""
+    cloth = wc.Cloth.grid((1.0, 1.0), (65, 65), wc.Fabric(damping_time=damping_time), pins="left")
+    model = wc.Model.build(cloth)
+    sim = wc.Simulation(model, "xpbd", contact="none")
+    assert worst_strain(sim, cloth) < 0.018
+    assert sim.substeps <= 8
+    plain = wc.Simulation(model, "xpbd", contact="none", integrator_options={"spans": False})
+    assert plain.substeps_for(1.0 / 60.0) > 2 * sim.substeps
+    fewer = wc.Simulation(model, "xpbd", contact="none", substeps=sim.substeps, integrator_options={"spans": False})
+    assert worst_strain(fewer, cloth) > 0.05
+
+
+def test_substeps_hardly_grow_with_the_mesh():
+    def substeps(n: int, name: str = "xpbd", **options) -> int:
+        model = wc.Model.build(wc.Cloth.grid((1.0, 1.0), (n, n), pins="left"))
+        return wc.Simulation(model, name, contact="none", integrator_options=options).substeps_for(1.0 / 60.0)
+
+    assert substeps(128) <= 1.5 * substeps(32)
+    assert substeps(128, spans=False) >= 5 * substeps(32, spans=False)
+
+
+def test_sweeps_take_turns_in_their_direction():
+    """A step begun one step later goes the other way; one begun two steps later, the same."""
+    net = chain(2, 0.2)
+    ends = []
+    for start in range(3):
+        sim = wc.Simulation(
+            wc.Model.from_springs(**net), "xpbd", (0, 0, 0), substeps=1, integrator_options={"iterations": 1}
+        )
+        sim.state.world_time.fill_(0.01 * start)
+        sim.step(0.01)
+        ends.append(sim.state.particle_q.numpy())
+    assert np.array_equal(ends[0], ends[2])
+    mirrored = (net["positions"][-1] - ends[1])[::-1]
+    assert mirrored == pytest.approx(ends[0], abs=1e-12)
+    assert not np.allclose(ends[0], ends[1], rtol=0.0, atol=1e-4)

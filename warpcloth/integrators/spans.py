@@ -1,0 +1,194 @@
+"""Springs in a row, solved as one before the sweeps of XPBD; see ``kernels/spans.py``."""
+
+from collections.abc import Sequence
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import warp as wp
+
+from ..cloth.springs import STRUCTURAL
+from ..launching import launch
+from ..model import ClothRange, Model
+from .colouring import grouped, spring_colours
+from .part import Part, Sweep
+from .spring_sweeps import ListSweep, TileSweep
+
+UNIT = 8  # springs, of the shortest spans
+SHORTEST_ROW = 4  # springs; fewer than that a sweep does as well
+
+
+class Rows(NamedTuple):
+    """Springs one after the other, row after row.
+
+    Attributes:
+        spring: their numbers, int, shape [m]. first: where in it each row begins, and where the last ends, int.
+    """
+
+    spring: np.ndarray
+    first: np.ndarray
+
+
+def spring_rows(ends: np.ndarray) -> Rows:
+    """Rows of springs, each of which begins where the one before ends and leads as much further.
+
+    The threads of a grid are such rows. By the triangle inequality no row can be shorter than the distance of its ends,
+    so it does not matter that springs of irregular meshes, numbered by chance, may form some that bend.
+
+    Args:
+        ends: particles of each spring, the lower one first, int, shape [s, 2], s > 0.
+    """
+    step = ends[:, 1] - ends[:, 0]
+    begins, wanted = (ends[:, k] * (1 + int(step.max())) + step for k in (0, 1))
+    order = np.argsort(begins, kind="stable")
+    found = order[np.minimum(np.searchsorted(begins[order], wanted), len(ends) - 1)]
+    lead_on = np.flatnonzero(begins[found] == wanted)
+    _, once = np.unique(found[lead_on], return_index=True)  # the first of several springs that lead to the same one
+    after = np.full(len(ends), -1)
+    after[lead_on[once]] = found[lead_on[once]]
+    columns = [np.setdiff1d(np.arange(len(ends)), after)]
+    while (columns[-1] >= 0).any():
+        columns.append(np.where(columns[-1] >= 0, after[columns[-1]], -1))
+    table = np.stack(columns, axis=1)
+    table = table[(table >= 0).sum(axis=1) >= SHORTEST_ROW]
+    return Rows(table[table >= 0], np.concatenate([[0], np.cumsum((table >= 0).sum(axis=1))]))
+
+
+def unit_starts(first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where units begin in rows that begin at ``first``, and of which row each is; the last of both are the end's."""
+    counts = np.maximum(1, np.rint(np.diff(first) / UNIT).astype(int))
+    row = np.repeat(np.arange(len(counts)), counts)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    start = first[row] + np.diff(first)[row] * place // counts[row]
+    return np.append(start, first[-1]), row
+
+
+def levels(row: np.ndarray) -> list[np.ndarray]:
+    """First and last unit (not included) of the spans of each level, shape [s, 2], the longest first.
+
+    Those of level k have 2ᵏ units, the last of a row what is left, unless it is a span of a finer level, too.
+
+    Args:
+        row: of each unit, in rising order.
+    """
+    begin = np.searchsorted(row, row)
+    place, count = np.arange(len(row)) - begin, np.bincount(row, minlength=1)[row]
+    found = []
+    size = 1
+    while size == 1 or (size < 2 * count).any():
+        first = np.flatnonzero((place % size == 0) & ((count - place > size // 2) | (size == 1)) & (size < 2 * count))
+        found.append(np.column_stack([first, np.minimum(first + size, begin[first] + count[first])]))
+        size *= 2
+    return found[::-1]
+
+
+class Spans:
+    """The spans of the springs of one sweep.
+
+    Args:
+        model: the model. sweep: over some of its springs. rows: of structural springs among them, at least one.
+
+    Attributes:
+        parts: what to do before the sweep. springs: numbers of the springs in rows, int.
+    """
+
+    def __init__(self, model: Model, sweep: TileSweep | ListSweep, rows: Rows, slot: np.ndarray):
+        self._model, self._sweep, self.springs = model, sweep, rows.spring
+        start, row = unit_starts(rows.first)
+        self._unit_start = model.array(start, wp.int32)
+        self._row_spring, self._row_slot = (
+            model.array(values, wp.int32) for values in (rows.spring, slot[rows.spring])
+        )
+        self._law, self._stretch, self._force, self._direction = (
+            wp.zeros(len(row), dtype=model.vec3, device=model.device) for _ in range(4)
+        )
+        self._compliance = wp.zeros(len(rows.spring), dtype=model.real, device=model.device)
+        self.read_springs()
+        ends = model.spring_indices.numpy()
+        unit_ends = np.column_stack([ends[rows.spring[start[:-1]], 0], ends[rows.spring[start[1:] - 1], 1]])
+        self._unit_ends = model.array(unit_ends, wp.vec2i)
+        self.parts = [Part(self._begin, [])]
+        for units in levels(row):
+            reached = [[*unit_ends[a:b, 0], unit_ends[b - 1, 1]] for a, b in units.tolist()]
+            order, bounds = grouped(spring_colours(reached, model.particle_count))
+            for a, b in pairwise(bounds.tolist()):
+                own = model.array(units[order[a:b]], wp.vec2i)
+                self.parts.append(Part(partial(self._solve, own), []))
+        self.parts.append(Part(self._end, [sweep.flat_force]))
+
+    def read_springs(self) -> None:
+        """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
+        model = self._model
+        launch(
+            model.kernels.spans.arrange_units,
+            dim=len(self._law),
+            inputs=[
+                self._unit_start, self._row_spring, model.spring_rest_length, model.spring_stiffness,
+                model.spring_damping,
+            ],
+            outputs=[self._law, self._compliance],
+            device=model.device,
+        )  # fmt: skip
+
+    def _begin(self, sweep: Sweep, displacement: wp.array) -> None:
+        launch(
+            self._model.kernels.spans.begin_units,
+            dim=len(self._law),
+            inputs=[
+                self._unit_start, self._row_slot, self._compliance, self._sweep.stride, self._sweep.flat_force,
+                sweep.kept,
+            ],
+            outputs=[self._stretch, self._force],
+            device=self._model.device,
+        )  # fmt: skip
+
+    def _solve(self, spans: wp.array, sweep: Sweep, displacement: wp.array) -> None:
+        launch(
+            self._model.kernels.spans.solve_spans,
+            dim=len(spans),
+            inputs=[
+                spans, self._unit_ends, self._law, self._model.particle_inv_mass, sweep.start.particle_q,
+                self._stretch, sweep.dt,
+            ],
+            outputs=[self._direction, displacement, self._force],
+            device=self._model.device,
+        )  # fmt: skip
+
+    def _end(self, sweep: Sweep, displacement: wp.array) -> None:
+        launch(
+            self._model.kernels.spans.end_units,
+            dim=len(self._law),
+            inputs=[self._unit_start, self._row_slot, self._sweep.stride, self._force, sweep.kept],
+            outputs=[self._sweep.flat_force],
+            device=self._model.device,
+        )
+
+
+def spans_of(model: Model, sweep: TileSweep | ListSweep) -> Spans | None:
+    """The spans of a sweep; None if its springs form no rows."""
+    spring, slot = sweep.slots()
+    ends, kind = model.spring_indices.numpy().reshape(-1, 2), model.spring_kind.numpy()
+    chosen = np.sort(spring[(kind[spring] == STRUCTURAL) & (ends[spring, 0] < ends[spring, 1])])
+    if len(chosen) == 0:
+        return None
+    rows = spring_rows(ends[chosen])
+    if len(rows.spring) == 0:
+        return None
+    of_spring = np.zeros(len(ends), np.int64)
+    of_spring[spring] = slot
+    return Spans(model, sweep, Rows(chosen[rows.spring], rows.first), of_spring)
+
+
+def cloths_in_rows(model: Model, spans: Sequence[Spans]) -> set[ClothRange]:
+    """The cloths of which at least half of the structural springs are in rows."""
+    in_rows = np.zeros(model.spring_count, bool)
+    for own in spans:
+        in_rows[own.springs] = True
+    structural = model.spring_kind.numpy() == STRUCTURAL
+    first = model.spring_indices.numpy().reshape(-1, 2)[:, 0]
+    return {
+        cloth
+        for cloth in model.cloths
+        if (own := structural & (first >= cloth.start) & (first < cloth.stop)).any() and in_rows[own].mean() >= 0.5
+    }
