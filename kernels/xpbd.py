@@ -40,18 +40,6 @@ def spring_impulse(d: vec3, moved: vec3, law: vec3, w: real, dt: real):
     return (pull * inverse / (real(1.0) + (elastic + viscous) * w)) * d
 
 
-@wp.func
-def goes_back(time: wp.float64, dt: real, last: int):
-    """Whether a sweep of the step that begins at ``time`` [s] takes springs in reverse.
-
-    What a sweep leaves unsolved depends on the direction in which it goes. So the last one of a step goes against those
-    before it, and those of the next step the other way round. (Turning after each sweep is as good for two, but many
-    come to the solution more slowly.)
-    """
-    odd_step = int(wp.mod(wp.round(time / wp.float64(dt)), wp.float64(2.0)))
-    return (odd_step + last) % 2
-
-
 @wp.kernel
 def solve_springs(
     # Model

@@ -9,7 +9,7 @@ import warp as wp
 
 from .direct import pair_at, put, real_at, vector_at
 from .precision import FORWARD_ONLY, real, vec3
-from .xpbd import goes_back, spring_impulse
+from .xpbd import spring_impulse
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
@@ -22,13 +22,11 @@ def solve_blocks(
     spring_ends: wp.array(dtype=wp.vec2i),
     spring_law: wp.array(dtype=vec3),
     particle_inv_mass: wp.array(dtype=real),
-    particle_world: wp.array(dtype=wp.int32),
     # State in
-    world_time: wp.array(dtype=wp.float64),
     particle_q: wp.array(dtype=vec3),
     dt: real,
     kept: real,
-    last: int,
+    backwards: int,
     # Out
     displacement_out: wp.array(dtype=vec3),
     spring_force_out: wp.array(dtype=vec3),
@@ -39,8 +37,6 @@ def solve_blocks(
     rate = real(1.0) / (dt * dt)
     first = block_start[b]
     count = block_start[b + 1] - first
-    world = particle_world[pair_at(spring_ends, first)[0]]
-    backwards = goes_back(world_time[world], dt, last)
     for k in range(count):
         s = first + k
         if backwards == 1:

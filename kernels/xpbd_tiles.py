@@ -12,7 +12,6 @@ import warp as wp
 
 from .lanes import LANES, LAW, for_cpu
 from .precision import FORWARD_ONLY, real, vec3
-from .xpbd import goes_back
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
@@ -92,13 +91,11 @@ def solve_tiles(
     shared_law: wp.array(dtype=vec3),
     shared_by: wp.array(dtype=wp.int32),
     particle_inv_mass: wp.array(dtype=real),
-    particle_world: wp.array(dtype=wp.int32),
     # State in
-    world_time: wp.array(dtype=wp.float64),
     particle_q: wp.array(dtype=vec3),
     dt: real,
     kept: real,
-    last: int,
+    backwards: int,
     # Out
     memory_out: wp.array2d(dtype=real),
     displacement_out: wp.array(dtype=vec3),
@@ -112,7 +109,6 @@ def solve_tiles(
     """
     slot = thread_offset + wp.tid()
     for b in range(slot_start[slot], slot_start[slot + 1]):
-        backwards = goes_back(world_time[particle_world[block[b, 2]]], dt, last)
         _solve(
             b, block, entry, law, shared_law, shared_by, particle_inv_mass, particle_q, dt, kept, backwards,
             memory_out[slot], displacement_out, spring_force_out,

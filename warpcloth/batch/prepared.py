@@ -81,7 +81,7 @@ def prepare(sample: Sample) -> Prepared:
         substeps = _substeps(json.dumps(facts, sort_keys=True), _Cloths(built.cloths, sample.scene))
     else:
         substeps = _needed(BuiltScene(sample.scene, [], [], built.network))
-    detections = contact_intervals(built) * max(1, INTEGRATORS[options.integrator].steps_per_travel)
+    detections = math.ceil(contact_intervals(built) * max(1.0, INTEGRATORS[options.integrator].steps_per_travel))
     fewest = min(MAX_SUBSTEPS, max(rounded_up(substeps), detections))
     scene = sample.scene.changed({"simulation.substeps": fewest})
     return Prepared(sample, BuiltScene(scene, built.cloths, built.obstacles, built.network))
@@ -126,8 +126,8 @@ def _needed(built: BuiltScene) -> int:
     integrator = make_integrator(options.integrator, model, options.integrator_options)
     dt = 1.0 / built.scene.fps
     stable = stability.substeps_for(model, integrator, dt, MAX_SUBSTEPS)
-    wanted = 0 if options.contact == "none" else integrator.steps_per_travel * travels(travel_step(model), dt)
-    return min(MAX_SUBSTEPS, max(stable, wanted))
+    ways = 0 if options.contact == "none" else travels(travel_step(model), dt)
+    return min(MAX_SUBSTEPS, max(stable, math.ceil(integrator.steps_per_travel * ways)))
 
 
 def _end(motion: Motion) -> float:

@@ -1,5 +1,6 @@
 """All contact of a simulation, as the loop sees it."""
 
+import math
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -42,12 +43,12 @@ class ContactStage:
         """Detections in a frame of dt [s], and so the fewest substeps; 1 without contact among cloths."""
         return 1 if self.cloths is None else self.cloths.intervals(dt)
 
-    def fewest_substeps(self, dt: float, most: int, steps_per_travel: int) -> int:
+    def fewest_substeps(self, dt: float, most: int, steps_per_travel: float) -> int:
         """In a frame of dt [s]: one a detection, and what a scheme of so many steps per travel wants; to ``most``."""
         fewest = self.intervals(dt)
-        if steps_per_travel == 0 or not self.acts:
+        if steps_per_travel == 0.0 or not self.acts:
             return fewest
-        return min(most, steps_per_travel * max(fewest, travels(self._travel_step, dt)))
+        return min(most, math.ceil(steps_per_travel * max(fewest, travels(self._travel_step, dt))))
 
     def interval_lengths(self, dt: float, substeps: int) -> list[int]:
         """How many of the ``substeps`` of a frame of dt [s] share each detection; as even as can be."""

@@ -48,7 +48,7 @@ class Integrator(Protocol):
     conserves_linear_momentum: ClassVar[bool] = True
     conserves_angular_momentum: ClassVar[bool] = False
     contact_share: ClassVar[float] = 0.0
-    steps_per_travel: ClassVar[int] = 0
+    steps_per_travel: ClassVar[float] = 0.0
     convergence_options: ClassVar[Mapping[str, Any]] = {}
     reference: ClassVar[str]
     cost: ClassVar[str]

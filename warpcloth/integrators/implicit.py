@@ -52,7 +52,7 @@ class ImplicitScheme(Integrator):
     linearizes = True
     symplectic = False
     capturable = True
-    steps_per_travel = 1
+    steps_per_travel = 1.0
     convergence_options: ClassVar[dict[str, Any]] = {"tolerance": 1e-12}
     stage: ClassVar[Stage]
 

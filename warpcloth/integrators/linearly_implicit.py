@@ -109,7 +109,7 @@ class LinearImplicitEuler(LinearlyImplicit):
     linearizes = True
     symplectic = False
     elastic = True
-    steps_per_travel = 3  # with 1 `drape_bunny` was torn, with 2 it is good; a curtain hit at 7 m/s takes 3
+    steps_per_travel = 3.0  # with 1 `drape_bunny` was torn, with 2 it is good; a curtain hit at 7 m/s takes 3
     reference = "Baraff and Witkin, Large Steps in Cloth Simulation, SIGGRAPH 1998"
     cost = "one linear solve: tens to hundreds of matrix products"
     use = "fast drapes at frame-sized steps when the motion on the way need not be exact; damps like implicit Euler"

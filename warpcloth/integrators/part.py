@@ -14,13 +14,13 @@ class Sweep(NamedTuple):
     Attributes:
         start: of the step. dt: its length [s].
         kept: the share of the forces of the sweep before that the displacements contain.
-        last: whether it is the last one of its step.
+        backwards: whether it takes springs in reverse.
     """
 
     start: State
     dt: float
     kept: float
-    last: bool
+    backwards: bool
 
 
 class Part(NamedTuple):

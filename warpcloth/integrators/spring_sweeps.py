@@ -72,8 +72,7 @@ class ListSweep:
         if isinstance(self.order, SpringBlocks):
             begins = self.order.block_start[part]
             kernel, dim = model.kernels.xpbd_blocks.solve_blocks, len(begins) - 1
-            springs = [begins, *springs, model.particle_world, start.world_time]
-            step.append(int(sweep.last))
+            springs, step = [begins, *springs], [*step, int(sweep.backwards)]
         launch(
             kernel,
             dim=dim,

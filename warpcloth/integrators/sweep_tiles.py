@@ -151,13 +151,13 @@ class TileSweep:
 
     def solve(self, part: int, sweep: Sweep, displacement: wp.array) -> None:
         """Solves the springs of one part; changes their forces and ``displacement`` [m] in place."""
-        model, own, start = self._model, self._phases[part], sweep.start
+        model, own = self._model, self._phases[part]
         launch(
             self._kernels.solve_tiles,
             dim=len(own.slot_start) - 1,
             inputs=[
-                own.slot_start, own.block, own.entry, *own.law, model.particle_inv_mass, model.particle_world,
-                start.world_time, start.particle_q, sweep.dt, sweep.kept, int(sweep.last),
+                own.slot_start, own.block, own.entry, *own.law, model.particle_inv_mass, sweep.start.particle_q,
+                sweep.dt, sweep.kept, int(sweep.backwards),
             ],
             outputs=[self._memory, displacement, own.force],
             device=model.device,

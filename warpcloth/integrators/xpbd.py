@@ -54,7 +54,8 @@ class Xpbd(PositionStep):
     solved_forces = ("springs", "woven")
     order = 1
     sweep_value = 0.5
-    steps_per_travel = 1
+    # With 1 a ball going through a curtain had 7,000 impacts in 144 frames, with 1.5 it had 600, in the same time.
+    steps_per_travel = 1.5
     reference = "Macklin, Müller, Chentanez, XPBD (2016), doi 10.1145/2994258.2994272"
     cost = "2 sweeps over the springs, and over rows of them"
     use = "the fast choice for cloth: stable at any step, 5-30 substeps a frame of two sweeps each"
@@ -65,7 +66,7 @@ class Xpbd(PositionStep):
         wanted = validate.flag(spans, "spans") and not model.differentiable
         found = [spans_of(model, sweep) for sweep in self.sweeps] if wanted else []
         self.spans = [own for own in found if own is not None]
-        if self.spans:
+        if wanted:  # whether there are any or not: a world must not depend on the worlds beside it
             self.warm_start = max(LEAST_SHARE, self.warm_start)
         self._in_rows = cloths_in_rows(model, self.spans)
         self.triangles = TriangleColours(model)
@@ -124,7 +125,7 @@ class Xpbd(PositionStep):
         """All that is solved in a step of dt [s] from ``start``, in turn."""
         for iteration in range(self.iterations):
             kept = self.warm_start if iteration == 0 else 1.0
-            sweep = Sweep(start, dt, kept, last=iteration == self.iterations - 1)
+            sweep = Sweep(start, dt, kept, backwards=0 < iteration == self.iterations - 1)
             for part in (*(self._span_parts if iteration == 0 else ()), *self._sweep_parts):
                 yield part, sweep
 
