@@ -1,5 +1,7 @@
 """Spans of springs: what rows there are, that they carry load and slack, and that sweeps end where they would."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -29,7 +31,7 @@ def test_rows_go_on_and_share_no_spring(springs):
     ends = np.array([(p, p + step) for p, step in springs])
     rows = spring_rows(ends)
     assert len(np.unique(rows.spring)) == len(rows.spring)
-    for first, last in zip(rows.first[:-1], rows.first[1:], strict=True):
+    for first, last in pairwise(rows.first):
         row = ends[rows.spring[first:last]]
         assert len(row) >= SHORTEST_ROW
         assert np.array_equal(row[:-1, 1], row[1:, 0])
@@ -118,7 +120,7 @@ def worst_strain(sim: wc.Simulation, cloth: wc.Cloth, frames: int = 40) -> float
 
 @pytest.mark.parametrize("damping_time", [0.0, 5e-4])
 def test_fine_cloth_hangs_with_few_substeps(damping_time):
-    """Also undamped, which springs that begin with half of their former forces do not bear: 20 % and more."""
+    """Also undamped, where one sweep a step that begins with half of the former forces ends in strains of 20 %."""
     cloth = wc.Cloth.grid((1.0, 1.0), (65, 65), wc.Fabric(damping_time=damping_time), pins="left")
     model = wc.Model.build(cloth)
     sim = wc.Simulation(model, "xpbd", contact="none")
@@ -137,3 +139,69 @@ def test_substeps_hardly_grow_with_the_mesh():
 
     assert substeps(128) <= 1.5 * substeps(32)
     assert substeps(128, spans=False) >= 5 * substeps(32, spans=False)
+
+
+def test_spans_follow_their_formula():
+    """The formula of ``kernels/spans.py`` in numpy, span after span, for a crooked row of unlike springs."""
+    rng, h, count = np.random.default_rng(3), 0.02, 45
+    net = chain(count, 0.15)
+    net["positions"] += 0.03 * rng.normal(size=(count + 1, 3))
+    net |= {"masses": rng.uniform(0.01, 0.03, count + 1), "k_s": rng.uniform(20.0, 80.0, count), "k_d": 0.1}
+    net |= {"pinned": [0], "velocities": rng.normal(size=(count + 1, 3))}
+    model = wc.Model.from_springs(**net)
+    sim = wc.Simulation(model, "xpbd", (0, 0, 0), integrator_options={"warm_start": 0.5})
+    scheme, start = sim.integrator, model.particle_q.numpy()
+    force = rng.normal(size=(count, 3))
+    springs = next(sweep for sweep in scheme.sweeps if len(sweep.slots()[0]) > 0)
+    spring, slot = springs.slots()
+    places = slot[:, None] + springs.stride * np.arange(3)
+    flat = springs.flat_force.numpy()
+    flat[places] = force[spring]
+    springs.flat_force.assign(flat)
+    moved = rng.normal(size=(count + 1, 3)) * 0.01
+    scheme.displacement.assign(moved)
+    for part, sweep in scheme.pieces(sim.state, h):
+        if part in scheme._span_parts:
+            part.solve(sweep, scheme.displacement)
+
+    w, alpha = model.particle_inv_mass.numpy(), 0.1 / net["k_s"]
+    tau, now = 0.1 / net["k_s"], 0.5 * force
+    first, row = unit_starts(np.array([0, count]))
+    units = list(pairwise(first))
+    for level in levels(row):
+        for even in (0, 1):
+            for a, b in level[even::2]:
+                own = units[a:b]
+                d = np.array([start[q] + moved[q] - start[p] - moved[p] for p, q in own])
+                n = d / np.linalg.norm(d, axis=1)[:, None]
+                rest = np.array([0.1 * (q - p) for p, q in own])
+                rate = np.array([tau[p:q].mean() for p, q in own]) / h
+                going = np.array([moved[q] - moved[p] for p, q in own])
+                held = np.array([(alpha[p:q, None] * now[p:q]).sum(axis=0) for p, q in own])
+                excess = (np.linalg.norm(d, axis=1) - rest + (n * (rate[:, None] * going - held)).sum(axis=1)).sum()
+                turns = np.diff(n, axis=0, prepend=0.0, append=0.0)
+                joints = [p for p, _ in own] + [own[-1][1]]
+                mobility = (w[joints] * (turns**2).sum(axis=1)).sum()
+                soft = sum(alpha[p:q].sum() for p, q in own) / h**2
+                if excess > 0.0:
+                    impulse = excess / ((1.0 + (rate * rest).sum() / rest.sum()) * mobility + soft)
+                    moved[joints] += impulse * w[joints, None] * turns
+                    for (p, q), along in zip(own, n, strict=True):
+                        now[p:q] += impulse / h**2 * along
+    assert scheme.displacement.numpy() == pytest.approx(moved, abs=1e-12)
+    assert 0.5 * springs.flat_force.numpy()[places] == pytest.approx(now[spring], abs=1e-9)
+
+
+@pytest.mark.parametrize(("iterations", "order"), [(1, (0, 1)), (2, (0, 1, 1, 0)), (3, (0, 1, 0, 1, 1, 0))])
+def test_the_last_of_several_sweeps_goes_back(iterations, order):
+    h, net = 0.01, chain(2, 0.2)
+    x = net["positions"][:, 0]
+    moved, force = np.zeros(3), np.zeros(2)
+    stiffness, damping, w = h * h * 50.0 / 0.1, h * 0.02 / 0.1, 2.0 / 0.01
+    for s in order:
+        ends = np.array([s, s + 1])
+        moved[ends] -= force[s] / 0.01 * np.array([1.0, -1.0])
+        going = moved[s + 1] - moved[s]
+        force[s] = (stiffness * (x[s + 1] - x[s] + going - 0.1) + damping * going) / (1.0 + (stiffness + damping) * w)
+        moved[ends] += force[s] / 0.01 * np.array([1.0, -1.0])
+    assert stepped(net, h, iterations=iterations, spans=False)[:, 0] == pytest.approx(x + moved, abs=1e-12)
