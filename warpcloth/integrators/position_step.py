@@ -39,7 +39,7 @@ class PositionStep(Integrator):
     def __init__(self, model: Model, iterations: int, warm_start: float = 0.0):
         self.iterations = validate.integer(iterations, "iterations", minimum=1, maximum=MAX_ITERATIONS)
         self.warm_start = validate.number(warm_start, "warm_start", minimum=0.0, maximum=1.0)
-        self._model = model
+        self._scales = list(cloth_scales(model))
         self.inertial, self.displacement, self.spring_acceleration = (
             wp.zeros_like(model.particle_q, requires_grad=model.differentiable) for _ in range(3)
         )
@@ -116,7 +116,7 @@ class PositionStep(Integrator):
         at 16 × 16 vertices, 10 at 32 × 32, 25 at 64 × 64 and 65 at 128 × 128, for fabrics of 400 and 12,000 N/m alike
         (XPBD, two sweeps without spans): f = 0.7 (a/L)^(4/3). Four times as many sweeps allow twice the step.
         """
-        return min((self.cloth_step(*scales) for scales in cloth_scales(self._model)), default=math.inf)
+        return min((self.cloth_step(*scales) for scales in self._scales), default=math.inf)
 
     def cloth_step(self, cloth: ClothRange, size: float, edge: float) -> float:
         """The same for one cloth of size L and edge a [m]."""
