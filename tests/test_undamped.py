@@ -131,7 +131,7 @@ def test_steps_of_xpbd_are_no_longer_than_its_sweeps_allow_nor_than_contact_does
         return wc.Simulation(model, "xpbd", contact=contact).substeps_for(0.024)
 
     assert substeps(0.0, "none") == substeps(0.0, "all") == substeps(12.0, "none") == 12
-    assert substeps(12.0, "all") == 38
+    assert substeps(12.0, "all") == 45
 
 
 def test_other_steps_are_as_they_were():
