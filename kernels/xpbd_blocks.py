@@ -31,7 +31,10 @@ def solve_blocks(
     displacement_out: wp.array(dtype=vec3),
     spring_force_out: wp.array(dtype=vec3),
 ):
-    """Solves the springs ``block_start[b]`` to ``block_start[b + 1]`` of blocks that share no particle."""
+    """Solves the springs ``block_start[b]`` to ``block_start[b + 1]`` of blocks that share no particle.
+
+    If ``backwards`` is 1, the last spring is the first.
+    """
     b = thread_offset + wp.tid()
     share = kept * dt * dt
     rate = real(1.0) / (dt * dt)

@@ -105,7 +105,7 @@ def solve_tiles(
 
     A block has its first and last entry (the latter not included), and the first and last particle that it reaches; an
     entry its first particle and how much further its springs lead. Laws are as ``arrange_lanes`` has them; of forces
-    [N] there are eight of each component in turn.
+    [N] there are eight of each component in turn. If ``backwards`` is 1, the last entry is the first.
     """
     slot = thread_offset + wp.tid()
     for b in range(slot_start[slot], slot_start[slot + 1]):

@@ -39,7 +39,7 @@ def test_every_gradient_equals_differences_through_200_steps(integrator, assembl
         "particle_q", "particle_qd", "particle_mass", "gravity", "spring_rest_length", "spring_stiffness",
         "spring_damping", "bend_law", "bend_friction", "tri_air_drag", "tri_air_friction", "air_density", "wind",
     }  # fmt: skip
-    assert_slopes_agree(RandomLoss(rollout))
+    assert_slopes_agree(RandomLoss(rollout), h=1e-5)  # by bend_law losses change least: 1e-6 leaves three digits
 
 
 @pytest.mark.parametrize("integrator", GRADIENT_SCHEMES)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import warpcloth as wc
-from warpcloth.integrators.spans import SHORTEST_ROW, UNIT, levels, spring_rows, unit_starts
+from warpcloth.integrators.spans import SHORTEST_ROW, UNIT, span_levels, spring_rows, unit_starts
 
 
 def grid_ends(rows: int, columns: int) -> np.ndarray:
@@ -45,7 +45,7 @@ def test_each_level_covers_a_row_with_spans_that_end_where_others_begin(lengths)
     assert np.array_equal(np.unique(np.concatenate([start, first])), start)
     assert np.diff(start).min() >= SHORTEST_ROW
     assert np.diff(start).max() < 2 * UNIT
-    every = levels(row)
+    every = span_levels(row)
     finest = every[-1]
     assert np.array_equal(finest, np.column_stack([np.arange(len(row)), np.arange(len(row)) + 1]))
     for level in every:
@@ -160,15 +160,15 @@ def test_spans_follow_their_formula():
     springs.flat_force.assign(flat)
     moved = rng.normal(size=(count + 1, 3)) * 0.01
     scheme.displacement.assign(moved)
-    for part, sweep in scheme.pieces(sim.state, h):
+    for part, turn in scheme.pieces(sim.state, h):
         if part in scheme._span_parts:
-            part.solve(sweep, scheme.displacement)
+            part.solve(turn, scheme.displacement)
 
     w, alpha = model.particle_inv_mass.numpy(), 0.1 / net["k_s"]
     tau, now = 0.1 / net["k_s"], 0.5 * force
     first, row = unit_starts(np.array([0, count]))
     units = list(pairwise(first))
-    for level in levels(row):
+    for level in span_levels(row):
         for even in (0, 1):
             for a, b in level[even::2]:
                 own = units[a:b]

@@ -89,11 +89,14 @@ class LaneLaws:
 
     Args:
         model: the model. lane_spring: as :class:`Lanes` has it.
+
+    Attributes:
+        lane_spring: which spring is in a lane, entry after entry, int32, shape [entries × lanes].
     """
 
     def __init__(self, model: Model, lane_spring: np.ndarray):
         self._model, (self._count, self._lanes) = model, lane_spring.shape
-        self._lane_spring = model.array(lane_spring.reshape(-1), wp.int32)
+        self.lane_spring = model.array(lane_spring.reshape(-1), wp.int32)
         self._law = wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device)
         self._shared_law = wp.zeros(self._count, dtype=model.vec3, device=model.device)
         self._shared_by = wp.zeros(self._count, dtype=wp.int32, device=model.device)
@@ -105,7 +108,7 @@ class LaneLaws:
         launch(
             model.kernels.springs.arrange_lanes,
             dim=self._count,
-            inputs=[self._lane_spring, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
+            inputs=[self.lane_spring, model.spring_rest_length, model.spring_stiffness, model.spring_damping],
             outputs=[self._law, self._shared_law, self._shared_by],
             device=model.device,
         )

@@ -54,8 +54,8 @@ def xpbd_step(recording: Recording, scheme: Xpbd, model: Model, start: State, en
     with recording:
         recording.forces.evaluate(start, without=again.solved_forces)
         again.predict(model, start, end, dt)
-    for part, sweep in again.pieces(start, dt):
-        recording.in_place(partial(part.solve, sweep, again.displacement), [again.displacement, *part.arrays])
+    for part, turn in again.pieces(start, dt):
+        recording.in_place(partial(part.solve, turn, again.displacement), [again.displacement, *part.arrays])
     with recording:
         again.finish(model, start, end, again.displacement, dt)
 

@@ -8,13 +8,13 @@ import warp as wp
 from ..state import State
 
 
-class Sweep(NamedTuple):
-    """One of several sweeps of a step over all that it solves.
+class Turn(NamedTuple):
+    """One of several times that a step sweeps over all that it solves.
 
     Attributes:
         start: of the step. dt: its length [s].
-        kept: the share of the forces of the sweep before that the displacements contain.
-        backwards: whether it takes springs in reverse.
+        kept: the share of the forces of the turn before that the displacements contain.
+        backwards: whether springs are taken in reverse, where they have an order: not by colours.
     """
 
     start: State
@@ -27,9 +27,9 @@ class Part(NamedTuple):
     """A piece of a sweep.
 
     Attributes:
-        solve: does it, for a sweep and the displacements [m]; changes them and ``arrays`` in place.
+        solve: does it, for a turn and the displacements [m]; changes them and ``arrays`` in place.
         arrays: forces that it keeps.
     """
 
-    solve: Callable[[Sweep, wp.array], None]
+    solve: Callable[[Turn, wp.array], None]
     arrays: list[wp.array]

@@ -132,12 +132,18 @@ def cloth_scales(model: Model) -> Iterator[tuple[ClothRange, float, float]]:
     length = np.concatenate([model.spring_rest_length.numpy()[in_plane], *chords])
     corner = model.woven.corners.numpy().reshape(-1, 3)[:, 0]
     first = np.concatenate([model.spring_indices.numpy()[in_plane, 0], corner, corner])
-    positions = model.particle_q.numpy()
-    for cloth in model.cloths:
-        own = length[(first >= cloth.start) & (first < cloth.stop)]
+    positions, number = model.particle_q.numpy(), cloth_numbers(model, first)
+    order = np.argsort(number, kind="stable")
+    bounds = np.searchsorted(number[order], np.arange(1, len(model.cloths)))
+    for cloth, own in zip(model.cloths, np.split(length[order], bounds), strict=True):
         size = float(np.linalg.norm(np.ptp(positions[cloth.start : cloth.stop], axis=0)))
         if len(own) and size > 0.0:
             yield cloth, size, float(np.quantile(own, 0.1))
+
+
+def cloth_numbers(model: Model, particle: np.ndarray) -> np.ndarray:
+    """Which of the model's cloths each of some particles belongs to, int."""
+    return np.searchsorted([cloth.start for cloth in model.cloths], particle, side="right") - 1
 
 
 def _longest_chords(slopes: np.ndarray) -> np.ndarray:

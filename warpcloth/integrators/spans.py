@@ -12,7 +12,8 @@ from ..cloth.springs import STRUCTURAL
 from ..launching import launch
 from ..model import ClothRange, Model
 from .colouring import grouped, spring_colours
-from .part import Part, Sweep
+from .part import Part, Turn
+from .position_step import cloth_numbers
 from .spring_sweeps import ListSweep, TileSweep
 
 UNIT = 8  # springs, of the shortest spans
@@ -64,7 +65,7 @@ def unit_starts(first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.append(start, first[-1]), row
 
 
-def levels(row: np.ndarray) -> list[np.ndarray]:
+def span_levels(row: np.ndarray) -> list[np.ndarray]:
     """First and last unit (not included) of the spans of each level, shape [s, 2], the longest first.
 
     Those of level k have 2ᵏ units, the last of a row what is left, unless it is a span of a finer level, too.
@@ -109,7 +110,7 @@ class Spans:
         unit_ends = np.column_stack([ends[rows.spring[start[:-1]], 0], ends[rows.spring[start[1:] - 1], 1]])
         self._unit_ends = model.array(unit_ends, wp.vec2i)
         self.parts = [Part(self._begin, [])]
-        for units in levels(row):
+        for units in span_levels(row):
             reached = [[*unit_ends[a:b, 0], unit_ends[b - 1, 1]] for a, b in units.tolist()]
             order, bounds = grouped(spring_colours(reached, model.particle_count))
             for a, b in pairwise(bounds.tolist()):
@@ -131,35 +132,35 @@ class Spans:
             device=model.device,
         )  # fmt: skip
 
-    def _begin(self, sweep: Sweep, displacement: wp.array) -> None:
+    def _begin(self, turn: Turn, displacement: wp.array) -> None:
         launch(
             self._model.kernels.spans.begin_units,
             dim=len(self._law),
             inputs=[
                 self._unit_start, self._row_slot, self._compliance, self._sweep.stride, self._sweep.flat_force,
-                sweep.kept,
+                turn.kept,
             ],
             outputs=[self._stretch, self._force],
             device=self._model.device,
         )  # fmt: skip
 
-    def _solve(self, spans: wp.array, sweep: Sweep, displacement: wp.array) -> None:
+    def _solve(self, spans: wp.array, turn: Turn, displacement: wp.array) -> None:
         launch(
             self._model.kernels.spans.solve_spans,
             dim=len(spans),
             inputs=[
-                spans, self._unit_ends, self._law, self._model.particle_inv_mass, sweep.start.particle_q,
-                self._stretch, sweep.dt,
+                spans, self._unit_ends, self._law, self._model.particle_inv_mass, turn.start.particle_q,
+                self._stretch, turn.dt,
             ],
             outputs=[self._direction, displacement, self._force],
             device=self._model.device,
         )  # fmt: skip
 
-    def _end(self, sweep: Sweep, displacement: wp.array) -> None:
+    def _end(self, turn: Turn, displacement: wp.array) -> None:
         launch(
             self._model.kernels.spans.end_units,
             dim=len(self._law),
-            inputs=[self._unit_start, self._row_slot, self._sweep.stride, self._force, sweep.kept],
+            inputs=[self._unit_start, self._row_slot, self._sweep.stride, self._force, turn.kept],
             outputs=[self._sweep.flat_force],
             device=self._model.device,
         )
@@ -182,13 +183,11 @@ def spans_of(model: Model, sweep: TileSweep | ListSweep) -> Spans | None:
 
 def cloths_in_rows(model: Model, spans: Sequence[Spans]) -> set[ClothRange]:
     """The cloths of which at least half of the structural springs are in rows."""
-    in_rows = np.zeros(model.spring_count, bool)
-    for own in spans:
-        in_rows[own.springs] = True
-    structural = model.spring_kind.numpy() == STRUCTURAL
+    count = len(model.cloths)
     first = model.spring_indices.numpy().reshape(-1, 2)[:, 0]
+    number = cloth_numbers(model, first)
+    structural = np.bincount(number[model.spring_kind.numpy() == STRUCTURAL], minlength=count)
+    in_rows = sum((np.bincount(number[own.springs], minlength=count) for own in spans), np.zeros(count, int))
     return {
-        cloth
-        for cloth in model.cloths
-        if (own := structural & (first >= cloth.start) & (first < cloth.stop)).any() and in_rows[own].mean() >= 0.5
+        cloth for cloth, most in zip(model.cloths, (in_rows > 0) & (2 * in_rows >= structural), strict=True) if most
     }

@@ -11,7 +11,7 @@ from ..model import Model
 from ..state import Memory
 from .blocks import SpringBlocks
 from .colouring import SpringColours
-from .part import Sweep
+from .part import Turn
 from .sweep_tiles import TileSweep, arranged
 
 
@@ -64,15 +64,15 @@ class ListSweep:
         """As :meth:`~warpcloth.integrators.sweep_tiles.TileSweep.slots`."""
         return self.order.order, 3 * np.arange(len(self.order.order))
 
-    def solve(self, part: int, sweep: Sweep, displacement: wp.array) -> None:
+    def solve(self, part: int, turn: Turn, displacement: wp.array) -> None:
         """As :meth:`~warpcloth.integrators.sweep_tiles.TileSweep.solve`."""
-        model, start, ends = self._model, sweep.start, self.order.ends[part]
-        springs, step = [ends, self._laws[part], model.particle_inv_mass], [start.particle_q, sweep.dt, sweep.kept]
+        model, start, ends = self._model, turn.start, self.order.ends[part]
+        springs, step = [ends, self._laws[part], model.particle_inv_mass], [start.particle_q, turn.dt, turn.kept]
         kernel, dim = model.kernels.xpbd.solve_springs, len(ends)
         if isinstance(self.order, SpringBlocks):
             begins = self.order.block_start[part]
             kernel, dim = model.kernels.xpbd_blocks.solve_blocks, len(begins) - 1
-            springs, step = [begins, *springs], [*step, int(sweep.backwards)]
+            springs, step = [begins, *springs], [*step, int(turn.backwards)]
         launch(
             kernel,
             dim=dim,

@@ -12,7 +12,7 @@ from ..launching import fill, launch
 from ..model import Model
 from ..program import cores
 from ..state import Memory
-from .part import Sweep
+from .part import Turn
 
 BLOCK_TO_REACH = 2  # particles; at least 1, so that every other block can be solved at the same time
 PHASES = 2
@@ -107,7 +107,7 @@ class TileSweep:
         self._laws = LaneLaws(model, lane_spring)
         self._particle = entry[:, 1].astype(np.int32)
         self.flat_force = wp.zeros(3 * lane_spring.size, dtype=model.real, device=model.device)
-        self.stride, self._lane_spring = lane_spring.shape[1], lane_spring
+        self.stride = lane_spring.shape[1]
         bounds = np.searchsorted(phase[order], np.arange(PHASES + 1)).tolist()
         wide = 3 * lane_spring.shape[1]
         self._phases = [
@@ -146,18 +146,19 @@ class TileSweep:
 
     def slots(self) -> tuple[np.ndarray, np.ndarray]:
         """The numbers of the springs, and where in ``flat_force`` the force of each begins."""
-        entry, lane = np.nonzero(self._lane_spring >= 0)
-        return self._lane_spring[entry, lane], 3 * self.stride * entry + lane
+        springs = self._laws.lane_spring.numpy().reshape(-1, self.stride)
+        entry, lane = np.nonzero(springs >= 0)
+        return springs[entry, lane], 3 * self.stride * entry + lane
 
-    def solve(self, part: int, sweep: Sweep, displacement: wp.array) -> None:
+    def solve(self, part: int, turn: Turn, displacement: wp.array) -> None:
         """Solves the springs of one part; changes their forces and ``displacement`` [m] in place."""
         model, own = self._model, self._phases[part]
         launch(
             self._kernels.solve_tiles,
             dim=len(own.slot_start) - 1,
             inputs=[
-                own.slot_start, own.block, own.entry, *own.law, model.particle_inv_mass, sweep.start.particle_q,
-                sweep.dt, sweep.kept, int(sweep.backwards),
+                own.slot_start, own.block, own.entry, *own.law, model.particle_inv_mass, turn.start.particle_q,
+                turn.dt, turn.kept, int(turn.backwards),
             ],
             outputs=[self._memory, displacement, own.force],
             device=model.device,

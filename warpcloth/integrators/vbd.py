@@ -35,7 +35,7 @@ class Vbd(PositionStep):
     order = 1
     conserves_linear_momentum = False
     # What sweeps leave unsolved moves cloth as a whole, as momentum is not kept: a folded tablecloth of 64² particles
-    # took off from its table with 37 and with 50 substeps; with 60 it lay still. XPBD takes 71.
+    # took off from its table with 37 and with 50 substeps; with 60 it lay still.
     sweep_value = 0.2
     reference = "Chen, Liu, Yang, Yuksel, Vertex Block Descent (2024), doi 10.1145/3658179"
     cost = "5 sweeps over the springs of each particle, one launch per colour"

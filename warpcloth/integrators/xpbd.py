@@ -14,7 +14,7 @@ from ..launching import fill, launch
 from ..model import YARNS, ClothRange, Model
 from ..state import Memory, State
 from .colouring import TriangleColours
-from .part import Part, Sweep
+from .part import Part, Turn
 from .position_step import STANDARD_GRAVITY, PositionStep
 from .spans import cloths_in_rows, spans_of
 from .spring_sweeps import spring_sweeps
@@ -28,7 +28,8 @@ class Xpbd(PositionStep):
     One spring is solved exactly by one sweep: it is implicit Euler to round-off, damping included. Networks converge
     to Newton's solution as ``iterations`` grows. Small steps of few sweeps give more for the same work than large steps
     of many (Macklin et al., Small Steps in Physics Simulation, 2019); too few of both act like a softer fabric. Two
-    sweeps cost little more than one, as a step has more to do than to sweep.
+    sweeps cost little more than one, as a step has more to do than to sweep. What a sweep leaves unsolved depends on
+    where it begins, so the last of several goes back.
 
     A sweep passes load on by a spring or two. Before the first, ``spans`` take it from one end of a row of springs to
     the other (``kernels/spans.py``), so that grids need hardly more substeps if they are finer. Meshes have no such
@@ -119,26 +120,26 @@ class Xpbd(PositionStep):
 
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations
-        for part, sweep in self.pieces(state_in, dt):
-            part.solve(sweep, self.displacement)
+        for part, turn in self.pieces(state_in, dt):
+            part.solve(turn, self.displacement)
         return self.displacement
 
-    def pieces(self, start: State, dt: float) -> Iterator[tuple[Part, Sweep]]:
+    def pieces(self, start: State, dt: float) -> Iterator[tuple[Part, Turn]]:
         """All that is solved in a step of dt [s] from ``start``, in turn."""
         for iteration in range(self.iterations):
             kept = self.warm_start if iteration == 0 else 1.0
-            sweep = Sweep(start, dt, kept, backwards=0 < iteration == self.iterations - 1)
+            turn = Turn(start, dt, kept, backwards=0 < iteration == self.iterations - 1)
             for part in (*(self._span_parts if iteration == 0 else ()), *self._sweep_parts):
-                yield part, sweep
+                yield part, turn
 
     def _solve_triangles(
-        self, model: Model, triangles: wp.array, force: wp.array, sweep: Sweep, displacement: wp.array
+        self, model: Model, triangles: wp.array, force: wp.array, turn: Turn, displacement: wp.array
     ) -> None:
-        start = sweep.start.particle_q
+        start = turn.start.particle_q
         launch(
             model.kernels.woven_xpbd.solve_triangles,
             dim=len(triangles),
-            inputs=[triangles, model.woven, model.particle_inv_mass, start, sweep.dt, sweep.kept],
+            inputs=[triangles, model.woven, model.particle_inv_mass, start, turn.dt, turn.kept],
             outputs=[displacement, force],
             device=model.device,
         )
