@@ -25,6 +25,13 @@ def test_rows_of_a_grid_are_its_threads():
     assert np.array_equal(np.sort(rows.spring), np.arange(len(ends)))
 
 
+def test_of_springs_that_join_the_same_particles_one_is_in_the_row():
+    ends = np.array([(0, 1), (0, 1), (1, 2), (2, 3), (2, 3), (3, 4), (4, 5)])
+    rows = spring_rows(ends)
+    assert rows.first.tolist() == [0, 5]
+    assert rows.spring.tolist() == [0, 2, 3, 5, 6]
+
+
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(1, 4)), min_size=1, max_size=80))
 def test_rows_go_on_and_share_no_spring(springs):
     """Also where several springs join the same particles."""
@@ -96,6 +103,19 @@ def test_slack_rows_are_left_alone():
     net = chain(16, -0.1)
     assert np.array_equal(stepped(net, 0.01), stepped(net, 0.01, spans=False))
     assert not np.array_equal(stepped(chain(16, 0.1), 0.01), stepped(chain(16, 0.1), 0.01, spans=False))
+
+
+def test_spans_take_over_new_properties_of_springs():
+    """As :meth:`Xpbd.read_springs` promises: what comes of them is what a new model does, to the last bit."""
+    model = wc.Model.from_springs(**chain(20, 0.1))
+    sim = wc.Simulation(model, "xpbd", (0, 0, 0), substeps=1)
+    for name, times in (("spring_rest_length", 0.9), ("spring_stiffness", 3.0), ("spring_damping", 2.0)):
+        array = getattr(model, name)
+        array.assign(times * array.numpy())
+    sim.integrator.read_springs(model)
+    sim.step(0.01)
+    new = chain(20, 0.1) | {"rest_lengths": 0.9 * 0.1, "k_s": 3.0 * 50.0, "k_d": 2.0 * 0.02}
+    assert np.array_equal(sim.state.particle_q.numpy(), stepped(new, 0.01))
 
 
 def test_spans_keep_momentum():
