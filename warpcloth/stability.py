@@ -10,7 +10,8 @@ substeps than the flat rest pose would need.
 
 Bending of cloth that is flat at rest acts in all directions by itself, with the same K in every configuration. Where
 the rest shape is curved, and for hysteresis, what depends on how the surface's tangents turn is left out: it is small
-where the mesh resolves the curvature.
+where the mesh resolves the curvature. Its step falls with the square of the cells, and with damping the fourth power;
+schemes that solve for springs alone smooth it instead (``kernels/bending_filter.py``).
 """
 
 import math
@@ -107,12 +108,13 @@ class _Network:
         self.p, self.q = ends[:, 0], ends[:, 1]
         self.inverse_mass = model.particle_inv_mass.numpy().astype(np.float64)
         self.bending, self.woven = _Bending(model), _Woven(model, positions)
+        bends = float("bending" not in without)
         per_length = float("springs" not in without) / model.spring_rest_length.numpy().astype(np.float64)
         limited = model.spring_stiffness.numpy() + model.spring_limit_stiffness.numpy()
         yarns = float("woven" not in without)
-        self.stiffness: Strengths = (limited * per_length, self.bending.stiffness, yarns * self.woven.stiffness)
+        self.stiffness: Strengths = (limited * per_length, bends * self.bending.stiffness, yarns * self.woven.stiffness)
         damping = model.spring_damping.numpy() * per_length
-        self.damping: Strengths = (damping, self.bending.damping, yarns * self.woven.damping)
+        self.damping: Strengths = (damping, bends * self.bending.damping, yarns * self.woven.damping)
         self.directions = None if positions is None else _unit(positions[self.q] - positions[self.p])
 
     def apply(self, strength: Strengths, x: np.ndarray) -> np.ndarray:
@@ -165,6 +167,15 @@ def rate_bounds(model: "Model", *, without: Sequence[str] = ()) -> tuple[float, 
     return math.sqrt(network.bound(network.stiffness)), network.bound(network.damping)
 
 
+def bending_rates(model: "Model") -> np.ndarray:
+    """Upper bounds of ω² [1/s²] and γ [1/s] by bending alone, in any configuration, shape [world_count, 2]."""
+    bending, count = _Bending(model), model.particle_count
+    rows = [bending.row_sums(strength, count) for strength in (bending.stiffness, bending.damping)]
+    per_mass = np.stack(rows, axis=1) * model.particle_inv_mass.numpy().astype(np.float64)[:, None]
+    first = np.searchsorted(model.particle_world.numpy(), np.arange(model.world_count))
+    return np.asarray(np.maximum.reduceat(per_mass, first))
+
+
 def fastest_rates(
     model: "Model",
     positions: np.ndarray | None = None,
@@ -178,7 +189,7 @@ def fastest_rates(
         model: whose springs, bending elements, woven triangles and masses.
         positions: the configuration, shape [particle_count, 3] [m]; None bounds all configurations.
         iterations: most steps of the power iteration, which approaches the eigenvalues from below.
-        without: names of the force terms to leave out, "springs" or "woven".
+        without: names of the force terms to leave out, "springs", "woven" or "bending".
     """
     network = _Network(model, positions, without)
     fastest = network.largest_eigenvalue(network.stiffness, iterations)
@@ -191,15 +202,17 @@ def _usable_step(
     """Largest step [s] by ``rates``, for all forces and for those that the scheme does not solve for."""
     step = integrator.usable_step(*rates(model, *arguments))
     if model.bend_count > 0 or model.woven_count > 0:
-        step = min(step, integrator.explicit_step(*rates(model, *arguments, without=integrator.solved_forces)))
+        without = (*integrator.solved_forces, *integrator.filtered_forces)
+        step = min(step, integrator.explicit_step(*rates(model, *arguments, without=without)))
     return step
 
 
 def largest_stable_step(model: "Model", integrator: "Integrator") -> float:
     """Largest step [s] that ``integrator`` can safely take in any configuration; infinite if it has no limit."""
-    if math.isinf(_usable_step(model, integrator, rate_bounds)):
-        return math.inf
-    return SAFETY * _usable_step(model, integrator, fastest_rates)
+    step = integrator.filtered_step()
+    if not math.isinf(_usable_step(model, integrator, rate_bounds)):
+        step = min(step, _usable_step(model, integrator, fastest_rates))
+    return SAFETY * step
 
 
 def substeps_for(model: "Model", integrator: "Integrator", dt: float, most: int) -> int:
@@ -238,9 +251,10 @@ def warning_of_unstable_steps(
     Unlike automatic substeps this is no bound for all configurations: what it warns of will go wrong.
     """
     step = dt / substeps
-    if step <= _usable_step(model, integrator, rate_bounds):
+    filtered = integrator.filtered_step()
+    if step <= min(filtered, _usable_step(model, integrator, rate_bounds)):
         return None
-    limit = _usable_step(model, integrator, fastest_rates, positions, WARNING_ITERATIONS)
+    limit = min(filtered, _usable_step(model, integrator, fastest_rates, positions, WARNING_ITERATIONS))
     if step <= limit:
         return None
     needed = f"{math.ceil(dt / limit)} substeps" if dt < 1e9 * limit else "another integrator"

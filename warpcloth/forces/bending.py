@@ -66,6 +66,18 @@ class Bending:
         else:
             self._launch_left(kernels.scatter_forces, where, state.particle_f)
 
+    def resist(self, x: wp.array, dt: float, out: wp.array) -> None:
+        """Adds −(h² K + 2 h C) x to ``out``, for a step h and with K and C no less than those of any configuration; see
+        ``kernels/bending_filter.py``."""
+        kernels, model = self.model.kernels.bending_filter, self.model
+        if self._lanes is not None:
+            self._lanes.resist(x, dt, out)
+        if self.gathers and self._left_count > 0:
+            self._launch_left(kernels.product_moments, [x, dt], self._moments)
+            self._gather(model.kernels.bending.gather_forces, self._left_rows, out)
+        else:
+            self._launch_left(kernels.scatter_products, [x, dt], out)
+
     def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
         """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
         kernels = self.model.kernels.bending_hessian

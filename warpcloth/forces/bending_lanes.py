@@ -113,6 +113,16 @@ class BendingLanes:
             device=self.model.device,
         )
 
+    def resist(self, x: wp.array, dt: float, out: wp.array) -> None:
+        """Adds −(h² K + 2 h C) x to ``out``; see :meth:`~warpcloth.forces.bending.Bending.resist`."""
+        launch(
+            self.model.kernels.bending_filter.resist_blocks,
+            dim=len(self._slot_start) - 1,
+            inputs=[self._groups, self._slot_start, self.model.bending, x, dt],
+            outputs=[self._memory, out],
+            device=self.model.device,
+        )
+
     def advance(self, state: State, slip: wp.array) -> None:
         """The end of a step: ``slip`` follows to ``state``."""
         launch(

@@ -21,6 +21,7 @@ class Integrator(Protocol):
         adaptive: divides the step it is given as the error demands, so that no step is too large for it.
         solves_springs_only: all other forces act as they were at the start of the step, so stiff ones need a pass.
         solved_forces: names of the force terms that the scheme solves for itself, in place of evaluating them.
+        filtered_forces: names of those that it smooths before they act, which allows longer steps.
         linearizes: solves linear systems with the matrix of the forces, by many products at one state.
         couples_worlds: step sizes or iteration counts are decided over all worlds at once, so a world's result depends,
             within the tolerance, on the worlds beside it; elsewhere a world among others is bitwise that world alone if
@@ -43,6 +44,7 @@ class Integrator(Protocol):
     adaptive: ClassVar[bool] = False
     solves_springs_only: ClassVar[bool] = False
     solved_forces: ClassVar[tuple[str, ...]] = ()
+    filtered_forces: tuple[str, ...] = ()
     linearizes: ClassVar[bool] = False
     couples_worlds: ClassVar[bool] = False
     conserves_linear_momentum: ClassVar[bool] = True
@@ -95,6 +97,10 @@ class Integrator(Protocol):
     @classmethod
     def explicit_step(cls, omega: float, gamma: float) -> float:
         """Largest step [s] for the forces besides springs, where a scheme solves for springs only; else infinite."""
+        return math.inf
+
+    def filtered_step(self) -> float:
+        """Largest step [s] for which ``filtered_forces`` are smoothed well; infinite where there are none."""
         return math.inf
 
     def advised_step(self) -> float:

@@ -15,6 +15,7 @@ from ..launching import fill, launch
 from ..model import ClothRange, Model
 from ..state import Memory, State
 from .base import Integrator
+from .bending_filter import BendingFilter
 from .splitting import SymplecticEuler
 
 MAX_ITERATIONS = 100_000
@@ -25,8 +26,9 @@ class PositionStep(Integrator):
     """A step h solved for the displacement δ of each particle: m (δ − δ̂)/h² = spring forces at the end of the step.
 
     δ̂ = h v + h² f/m holds gravity and all forces but ``solved_forces``, evaluated at the start of the step. Woven
-    triangles that a scheme does not solve for are among them, and limit its step. The solution begins at δ̂ plus the
-    share ``warm_start`` of what springs did in the previous step.
+    triangles that a scheme does not solve for are among them, and limit its step. Bending does not: where it would, f
+    is smoothed (``kernels/bending_filter.py``), but in differentiable models. The solution begins at δ̂ plus the share
+    ``warm_start`` of what springs did in the previous step.
     """
 
     implicit = True
@@ -43,10 +45,15 @@ class PositionStep(Integrator):
         self.inertial, self.displacement, self.spring_acceleration = (
             wp.zeros_like(model.particle_q, requires_grad=model.differentiable) for _ in range(3)
         )
+        smooths = model.bend_count > 0 and not model.differentiable
+        self._bending_filter = BendingFilter(model) if smooths else None
+        self.filtered_forces = ("bending",) if smooths else ()
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
         forces.evaluate(state_in, without=self.solved_forces)
+        if self._bending_filter is not None:
+            self._bending_filter.apply(state_in, forces, dt, (self.inertial, self.displacement, state_out.particle_f))
         self.predict(model, state_in, state_out, dt)
         self.finish(model, state_in, state_out, self._solve(model, state_in, forces, dt), dt)
 
@@ -105,6 +112,10 @@ class PositionStep(Integrator):
     def explicit_step(cls, omega: float, gamma: float) -> float:
         """That of symplectic Euler: all forces but springs are those at the start of the step."""
         return SymplecticEuler.usable_step(omega, gamma)
+
+    def filtered_step(self) -> float:
+        """That of the filter for bending."""
+        return math.inf if self._bending_filter is None else self._bending_filter.longest_step()
 
     def advised_step(self) -> float:
         """The step [s] at which cloth holds its own weight without visible numerical stretch.
