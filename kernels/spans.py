@@ -82,7 +82,7 @@ def begin_units(
     unit_stretch_out: wp.array(dtype=vec3),
     unit_force_out: wp.array(dtype=vec3),
 ):
-    """Σ r/k_s F [m] of each unit; ``kept`` is the share of ``spring_force`` [N] that there is. Nothing added yet."""
+    """Σ r/k_s F [m] of each unit, with nothing added yet; of ``spring_force`` F [N] the share ``kept`` counts."""
     u = thread_offset + wp.tid()
     stretch = vec3()
     for m in range(int_at(unit_start, u), int_at(unit_start, u + 1)):
@@ -150,22 +150,26 @@ def solve_spans(
 
 
 @wp.kernel
-def end_units(
+def spread_units(
     # Model
     thread_offset: int,
-    unit_start: wp.array(dtype=wp.int32),
-    row_slot: wp.array(dtype=wp.int32),
+    slot_unit: wp.array(dtype=wp.int32),
     stride: int,
+    # State in
     unit_force: wp.array(dtype=vec3),
     kept: real,
     # Out
     spring_force_out: wp.array(dtype=real),
 ):
-    """Adds the forces of units to their springs', of which the share ``kept`` [-] counts in the sweep that comes."""
-    u = thread_offset + wp.tid()
-    force = vector_at(unit_force, u) / kept
-    for m in range(int_at(unit_start, u), int_at(unit_start, u + 1)):
-        slot = int_at(row_slot, m)
-        spring_force_out[slot] = spring_force_out[slot] + force[0]
-        spring_force_out[slot + stride] = spring_force_out[slot + stride] + force[1]
-        spring_force_out[slot + 2 * stride] = spring_force_out[slot + 2 * stride] + force[2]
+    """Adds the forces of units to the share ``kept`` [-] of their springs'; ``slot_unit`` is −1 where there is none."""
+    slot = thread_offset + wp.tid()
+    unit = int_at(slot_unit, slot)
+    force = vec3()
+    if unit >= 0:
+        force = vector_at(unit_force, unit)
+    first = 3 * stride * (slot / stride) + slot % stride
+    for k in range(3):
+        at = first + k * stride
+        if kept > real(0.0):
+            force[k] += kept * spring_force_out[at]
+        spring_force_out[at] = force[k]

@@ -4,11 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import warp as wp
 from hypothesis import given
 from hypothesis import strategies as st
+from warpcloth.kernels import KernelSet
 
 import warpcloth as wc
-from warpcloth.integrators.spans import SHORTEST_ROW, UNIT, span_levels, spring_rows, unit_starts
+from warpcloth.integrators.spans import SHORTEST_ROW, UNIT, Spans, in_groups, span_levels, spring_rows, unit_starts
 
 
 def grid_ends(rows: int, columns: int) -> np.ndarray:
@@ -209,7 +211,67 @@ def test_spans_follow_their_formula():
                     for (p, q), along in zip(own, n, strict=True):
                         now[p:q] += impulse / h**2 * along
     assert scheme.displacement.numpy() == pytest.approx(moved, abs=1e-12)
-    assert 0.5 * springs.flat_force.numpy()[places] == pytest.approx(now[spring], abs=1e-9)
+    assert springs.flat_force.numpy()[places] == pytest.approx(now[spring], abs=1e-9)
+
+
+def began(warm_start: float) -> tuple[np.ndarray, np.ndarray]:
+    """Displacements and forces after the spans of a step, of rumpled cloths in two worlds."""
+    grids = [wc.Cloth.grid((0.5, 0.4), shape, pins="left") for shape in ((29, 23), (50, 37))]
+    model = wc.Model.build_worlds([([cloth], []) for cloth in grids], precision="float64", device="cpu")
+    rng, shape = np.random.default_rng(5), (model.particle_count, 3)
+    model.particle_q.assign(1.1 * model.particle_q.numpy() + rng.normal(0.0, 0.004, shape))
+    sim = wc.Simulation(model, "xpbd", integrator_options={"warm_start": warm_start})
+    scheme = sim.integrator
+    scheme.displacement.assign(rng.normal(0.0, 0.002, shape) * (model.particle_inv_mass.numpy() > 0.0)[:, None])
+    for sweep in scheme.sweeps:
+        sweep.flat_force.assign(rng.normal(size=len(sweep.flat_force)))
+    for part, turn in scheme.pieces(sim.state, 0.003):
+        if part in scheme._span_parts:
+            part.solve(turn, scheme.displacement)
+    return scheme.displacement.numpy(), np.concatenate([sweep.flat_force.numpy() for sweep in scheme.sweeps])
+
+
+@pytest.mark.parametrize("warm_start", [0.0, 0.5])
+def test_eight_spans_at_once_are_the_same_as_one_by_one(warm_start):
+    moved, force = began(warm_start)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Spans, "_in_lanes", Spans._one_by_one)
+        expected, expected_force = began(warm_start)
+    assert np.abs(moved).max() > 0.003
+    np.testing.assert_allclose(moved, expected, atol=1e-13)
+    np.testing.assert_allclose(force, expected_force, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.25])
+def test_forces_of_units_are_spread_the_same(kept):
+    kernels, rng = KernelSet("float64"), np.random.default_rng(1)
+    unit = wp.array(rng.integers(-2, 20, 80).clip(-1), dtype=wp.int32)
+    ours, force = rng.normal(size=(20, 3)), rng.normal(size=240)
+    if kept == 0.0:
+        force[:] = np.nan  # nothing of it may count
+    of_unit = wp.array(ours, dtype=kernels.precision.vec3)
+    one, eight = (wp.array(force, dtype=wp.float64) for _ in range(2))
+    wp.launch(kernels.spans.spread_units, dim=80, inputs=[0, unit, 8, of_unit, kept, one])
+    wp.launch(kernels.span_lanes.spread_entries, dim=10, inputs=[0, unit, of_unit, kept, eight])
+    added = np.where(unit.numpy()[:, None] < 0, 0.0, ours[unit.numpy()]).reshape(10, 8, 3).transpose(0, 2, 1).ravel()
+    np.testing.assert_allclose(one.numpy(), added if kept == 0.0 else added + kept * force, rtol=1e-14)
+    np.testing.assert_array_equal(one.numpy(), eight.numpy())
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 50), st.integers(1, 5)), min_size=1, max_size=60),
+    st.sampled_from([1, 4, 8]),
+)
+def test_groups_have_spans_of_one_length_and_memory_of_their_own(spans, lanes):
+    before = np.array([(first, first + length) for first, length in spans])
+    after, groups = in_groups(before, lanes)
+    assert sorted(map(tuple, after.tolist())) == sorted(map(tuple, before.tolist()))
+    assert groups[:, 1].min() >= 1
+    assert groups[:, 1].max() <= lanes
+    assert np.array_equal(np.concatenate([np.arange(a, a + n) for a, n, _, _ in groups]), np.arange(len(spans)))
+    for first, count, length, _ in groups:
+        assert (np.diff(after[first : first + count]) == length).all()
+    assert np.array_equal(groups[1:, 3], np.cumsum(3 * lanes * groups[:-1, 2]))
 
 
 @pytest.mark.parametrize(("iterations", "order"), [(1, (0, 1)), (2, (0, 1, 1, 0)), (3, (0, 1, 0, 1, 1, 0))])

@@ -29,7 +29,9 @@ class Part(NamedTuple):
     Attributes:
         solve: does it, for a turn and the displacements [m]; changes them and ``arrays`` in place.
         arrays: forces that it keeps.
+        begun: whether something else has had its forces in the same turn: the displacements contain all of them.
     """
 
     solve: Callable[[Turn, wp.array], None]
     arrays: list[wp.array]
+    begun: bool = False

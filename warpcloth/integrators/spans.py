@@ -1,6 +1,6 @@
 """Springs in a row, solved as one before the sweeps of XPBD; see ``kernels/spans.py``."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..cloth.springs import STRUCTURAL
-from ..launching import launch
+from ..launching import fill, launch
 from ..model import ClothRange, Model
 from .colouring import grouped, spring_colours
 from .part import Part, Turn
@@ -84,14 +84,28 @@ def span_levels(row: np.ndarray) -> list[np.ndarray]:
     return found[::-1]
 
 
+def in_groups(spans: np.ndarray, lanes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Spans, shape [s, 2], as ``kernels/span_lanes.py`` takes them: in another order, and groups, shape [g, 4]."""
+    length = spans[:, 1] - spans[:, 0]
+    order = np.argsort(length, kind="stable")
+    bounds = np.flatnonzero(np.diff(length[order], prepend=0, append=0))
+    first = np.concatenate([np.arange(a, b, lanes) for a, b in pairwise(bounds.tolist())])
+    count = np.minimum(first + lanes, bounds[np.searchsorted(bounds, first, "right")]) - first
+    units = length[order][first]
+    place = 3 * lanes * (np.cumsum(units) - units)
+    return spans[order], np.column_stack([first, count, units, place])
+
+
 class Spans:
     """The spans of the springs of one sweep.
 
     Args:
         model: the model. sweep: over some of its springs. rows: of structural springs among them, at least one.
+        slot: of every spring of the model, where in the forces of the sweep its own begins.
 
     Attributes:
-        parts: what to do before the sweep. springs: numbers of the springs in rows, int.
+        parts: what to do before the sweep, whose forces are all there afterwards. springs: numbers of the springs in
+            rows, int.
     """
 
     def __init__(self, model: Model, sweep: TileSweep | ListSweep, rows: Rows, slot: np.ndarray):
@@ -101,22 +115,42 @@ class Spans:
         self._row_spring, self._row_slot = (
             model.array(values, wp.int32) for values in (rows.spring, slot[rows.spring])
         )
-        self._law, self._stretch, self._force, self._direction = (
-            wp.zeros(len(row), dtype=model.vec3, device=model.device) for _ in range(4)
+        self._law, self._stretch, self._force = (
+            wp.zeros(len(row), dtype=model.vec3, device=model.device) for _ in range(3)
         )
         self._compliance = wp.zeros(len(rows.spring), dtype=model.real, device=model.device)
         self.read_springs()
         ends = model.spring_indices.numpy()
         unit_ends = np.column_stack([ends[rows.spring[start[:-1]], 0], ends[rows.spring[start[1:] - 1], 1]])
         self._unit_ends = model.array(unit_ends, wp.vec2i)
-        self.parts = [Part(self._begin, [])]
+        slot_unit = np.full(len(sweep.flat_force) // 3, -1)
+        wide, lane = np.divmod(slot[rows.spring], 3 * sweep.stride)
+        slot_unit[sweep.stride * wide + lane] = np.repeat(np.arange(len(row)), np.diff(start))
+        self._slot_unit = model.array(slot_unit, wp.int32)
+        spans = []
         for units in span_levels(row):
             reached = [[*unit_ends[a:b, 0], unit_ends[b - 1, 1]] for a, b in units.tolist()]
             order, bounds = grouped(spring_colours(reached, model.particle_count))
-            for a, b in pairwise(bounds.tolist()):
-                own = model.array(units[order[a:b]], wp.vec2i)
-                self.parts.append(Part(partial(self._solve, own), []))
-        self.parts.append(Part(self._end, [sweep.flat_force]))
+            spans += [units[order[a:b]] for a, b in pairwise(bounds.tolist())]
+        solve = self._in_lanes(spans) if model.device.is_cpu else self._one_by_one(spans)
+        self.parts = [Part(self._begin, []), *(Part(part, []) for part in solve), Part(self._end, [sweep.flat_force])]
+
+    def _one_by_one(self, spans: Sequence[np.ndarray]) -> Iterator[Callable[[Turn, wp.array], None]]:
+        """What solves the spans of each launch, a thread for each span."""
+        self._direction = wp.zeros_like(self._force)
+        for own in spans:
+            inputs = [self._model.array(own, wp.vec2i)]
+            yield partial(self._solve, "spans", "solve_spans", len(own), inputs, self._direction)
+
+    def _in_lanes(self, spans: Sequence[np.ndarray]) -> Iterator[Callable[[Turn, wp.array], None]]:
+        """The same, a thread for each group."""
+        model, lanes = self._model, self._model.kernels.lanes.LANES
+        launches = [in_groups(own, lanes) for own in spans]
+        room = max(3 * lanes * int(groups[:, 2].sum()) for _, groups in launches)
+        memory = wp.zeros(room, dtype=model.real, device=model.device)
+        for own, groups in launches:
+            inputs = [model.array(groups.ravel(), wp.int32), model.array(own, wp.vec2i)]
+            yield partial(self._solve, "span_lanes", "solve_groups", len(groups), inputs, memory)
 
     def read_springs(self) -> None:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
@@ -133,6 +167,10 @@ class Spans:
         )  # fmt: skip
 
     def _begin(self, turn: Turn, displacement: wp.array) -> None:
+        if turn.kept == 0.0:  # of what there was before nothing counts
+            fill(self._stretch)
+            fill(self._force)
+            return
         launch(
             self._model.kernels.spans.begin_units,
             dim=len(self._law),
@@ -144,25 +182,33 @@ class Spans:
             device=self._model.device,
         )  # fmt: skip
 
-    def _solve(self, spans: wp.array, turn: Turn, displacement: wp.array) -> None:
+    def _solve(
+        self, module: str, kernel: str, dim: int, spans: list[wp.array], memory: wp.array, turn: Turn,
+        displacement: wp.array,
+    ) -> None:  # fmt: skip
+        model = self._model
         launch(
-            self._model.kernels.spans.solve_spans,
-            dim=len(spans),
+            getattr(getattr(model.kernels, module), kernel),
+            dim=dim,
             inputs=[
-                spans, self._unit_ends, self._law, self._model.particle_inv_mass, turn.start.particle_q,
-                self._stretch, turn.dt,
+                *spans, self._unit_ends, self._law, model.particle_inv_mass, turn.start.particle_q, self._stretch,
+                turn.dt,
             ],
-            outputs=[self._direction, displacement, self._force],
-            device=self._model.device,
+            outputs=[memory, displacement, self._force],
+            device=model.device,
         )  # fmt: skip
 
     def _end(self, turn: Turn, displacement: wp.array) -> None:
+        model, count, stride = self._model, len(self._slot_unit), self._sweep.stride
+        kernel, dim, shape = model.kernels.spans.spread_units, count, [stride]
+        if stride == model.kernels.lanes.LANES:
+            kernel, dim, shape = model.kernels.span_lanes.spread_entries, count // stride, []
         launch(
-            self._model.kernels.spans.end_units,
-            dim=len(self._law),
-            inputs=[self._unit_start, self._row_slot, self._sweep.stride, self._force, turn.kept],
+            kernel,
+            dim=dim,
+            inputs=[self._slot_unit, *shape, self._force, turn.kept],
             outputs=[self._sweep.flat_force],
-            device=self._model.device,
+            device=model.device,
         )
 
 

@@ -16,10 +16,8 @@ from ..state import Memory, State
 from .colouring import TriangleColours
 from .part import Part, Turn
 from .position_step import STANDARD_GRAVITY, PositionStep
-from .spans import cloths_in_rows, spans_of
+from .spans import Spans, cloths_in_rows, spans_of
 from .spring_sweeps import spring_sweeps
-
-LEAST_SHARE = 2.0**-20  # of forces: what spans add has to be a part of a share
 
 
 class Xpbd(PositionStep):
@@ -67,22 +65,20 @@ class Xpbd(PositionStep):
         super().__init__(model, iterations, warm_start)
         self.sweeps = spring_sweeps(model)
         wanted = validate.flag(spans, "spans") and not model.differentiable
-        found = [spans_of(model, sweep) for sweep in self.sweeps] if wanted else []
+        found = [spans_of(model, sweep) if wanted else None for sweep in self.sweeps]
         self.spans = [own for own in found if own is not None]
-        if wanted:  # whether there are any or not: a world must not depend on the worlds beside it
-            self.warm_start = max(LEAST_SHARE, self.warm_start)
         self._in_rows = cloths_in_rows(model, self.spans)
         self.triangles = TriangleColours(model)
         sizes = [YARNS * len(numbers) for numbers in self.triangles.numbers]
         whole: dict[str, Any] = {"dtype": model.vec3, "device": model.device, "requires_grad": model.differentiable}
         self._triangle_force = wp.zeros(sum(sizes), **whole)
         self._span_parts = [part for own in self.spans for part in own.parts]
-        self._sweep_parts = [*self._spring_parts(), *self._triangle_parts(model, sizes)]
+        self._sweep_parts = [*self._spring_parts(found), *self._triangle_parts(model, sizes)]
 
-    def _spring_parts(self) -> Iterator[Part]:
-        for sweep in self.sweeps:
+    def _spring_parts(self, spans: Sequence[Spans | None]) -> Iterator[Part]:
+        for sweep, own in zip(self.sweeps, spans, strict=True):
             for k, force in enumerate(sweep.forces):
-                yield Part(partial(sweep.solve, k), [force])
+                yield Part(partial(sweep.solve, k), [force], begun=own is not None)
 
     def _triangle_parts(self, model: Model, sizes: list[int]) -> Iterator[Part]:
         ends = np.cumsum(sizes).tolist()
@@ -130,7 +126,7 @@ class Xpbd(PositionStep):
             kept = self.warm_start if iteration == 0 else 1.0
             turn = Turn(start, dt, kept, backwards=0 < iteration == self.iterations - 1)
             for part in (*(self._span_parts if iteration == 0 else ()), *self._sweep_parts):
-                yield part, turn
+                yield part, turn._replace(kept=1.0) if part.begun else turn
 
     def _solve_triangles(
         self, model: Model, triangles: wp.array, force: wp.array, turn: Turn, displacement: wp.array
