@@ -49,18 +49,25 @@ _PREDICT = for_cpu(f"""
     {_BEGIN}
     const V3 zero = 0, free = dt * (triples(particle_qd) + (dt * w) * triples(particle_f));
     const V3 inertial = w > 0 ? free : zero;
-    write(inertial_out, inertial);
-    write(displacement_out, inertial + (warm_start * dt * dt) * triples(spring_acceleration));
-    write(particle_q_out, triples(particle_q));
-    write(particle_qd_out, zero);
+    if (inertial_out.shape[0] > 0) write(inertial_out, inertial);
+    if (spring_acceleration.shape[0] > 0)
+        write(displacement_out, inertial + (warm_start * dt * dt) * triples(spring_acceleration));
+    else write(displacement_out, inertial);
+    if (__builtin_reduce_and(w > 0)) return;  // what is free gets its end in finish
+    write(particle_q_out, w > 0 ? triples(particle_q_out) : triples(particle_q));
+    write(particle_qd_out, w > 0 ? triples(particle_qd_out) : zero);
 """)
 
 _FINISH = for_cpu(f"""
     {_BEGIN}
-    const V3 moved = triples(displacement);
-    write(particle_q_out, w > 0 ? triples(particle_q) + moved : triples(particle_q_out));
-    write(particle_qd_out, w > 0 ? moved / dt : triples(particle_qd_out));
-    write(spring_acceleration_out, w > 0 ? (moved - triples(inertial)) / (dt * dt) : triples(spring_acceleration_out));
+    const V3 moved = triples(displacement), x = triples(particle_q) + moved, v = moved / dt;
+    auto change = [&](auto& array, V3 value) {{
+        write(array, __builtin_reduce_and(w > 0) ? value : w > 0 ? value : triples(array));
+    }};
+    change(particle_q_out, x);
+    change(particle_qd_out, v);
+    if (spring_acceleration_out.shape[0] > 0)
+        change(spring_acceleration_out, (moved - triples(inertial)) / (dt * dt));
 """)
 
 

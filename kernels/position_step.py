@@ -3,6 +3,9 @@
 With x₀, v₀ at the start of a step of h seconds, the unknown is the displacement δ = x − x₀ of each particle. Springs
 aside, it would be δ̂ = h v₀ + h² f/m: the inertial displacement. Solving for δ rather than for x keeps velocities δ/h
 and damping free of the cancellation that subtracting two positions brings, which matters in single precision.
+
+What a scheme does not ask for, δ̂ itself or what springs did, are arrays of no length: a step of few sweeps waits for
+memory as much as it computes.
 """
 
 import sys
@@ -42,10 +45,14 @@ def predict(
     inertial = vec3()
     if w > real(0.0):
         inertial = dt * (vector_at(particle_qd, i) + (dt * w) * vector_at(particle_f, i))
-    put(inertial_out, i, inertial)
-    put(displacement_out, i, inertial + (warm_start * dt * dt) * vector_at(spring_acceleration, i))
-    put(particle_q_out, i, vector_at(particle_q, i))
-    put(particle_qd_out, i, vec3())
+    else:
+        put(particle_q_out, i, vector_at(particle_q, i))
+        put(particle_qd_out, i, vec3())
+    if inertial_out.shape[0] > 0:
+        put(inertial_out, i, inertial)
+    if spring_acceleration.shape[0] > 0:
+        inertial += (warm_start * dt * dt) * vector_at(spring_acceleration, i)
+    put(displacement_out, i, inertial)
 
 
 @wp.kernel
@@ -84,4 +91,5 @@ def finish(
         moved = vector_at(displacement, i)
         put(particle_q_out, i, vector_at(particle_q, i) + moved)
         put(particle_qd_out, i, moved / dt)
-        put(spring_acceleration_out, i, (moved - vector_at(inertial, i)) / (dt * dt))
+        if spring_acceleration_out.shape[0] > 0:
+            put(spring_acceleration_out, i, (moved - vector_at(inertial, i)) / (dt * dt))

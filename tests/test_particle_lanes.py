@@ -71,6 +71,17 @@ def test_start_and_end_of_position_based_steps(precision, count):
     them.compare("position_step", "finish", inputs, [them.vectors() for _ in range(3)])
 
 
+@precisions
+@counts
+def test_what_nobody_asks_for_is_left_out(precision, count):
+    """Arrays of no length; of free particles what is there when a step begins does not matter."""
+    them = Particles(precision, count)
+    none, vectors = them.vectors()[:0], [them.vectors() for _ in range(3)]
+    inputs = [them.inv_mass, *vectors, none, 0.5, 0.1]
+    them.compare("position_step", "predict", inputs, [none, *(them.vectors() for _ in range(3))])
+    them.compare("position_step", "finish", [them.inv_mass, vectors[0], none, vectors[1], 0.1], [none, *vectors[1:]])
+
+
 def test_advance_in_place():
     them = Particles("float32", 21)
     weights = them.kernels.explicit_step.weights(0.5, *[0.0] * 7)

@@ -36,14 +36,22 @@ class PositionStep(Integrator):
     capturable = True
     solves_springs_only = True
     solved_forces: ClassVar[tuple[str, ...]] = ("springs",)
+    needs_inertial = False  # whether a scheme asks for δ̂ when it is no longer where the solution began
     sweep_value = 1.0  # sweeps of XPBD that an iteration is worth on hanging cloth
 
     def __init__(self, model: Model, iterations: int, warm_start: float = 0.0):
         self.iterations = validate.integer(iterations, "iterations", minimum=1, maximum=MAX_ITERATIONS)
         self.warm_start = validate.number(warm_start, "warm_start", minimum=0.0, maximum=1.0)
         self._scales = list(cloth_scales(model))
+        expects = self.warm_start > 0.0 or model.differentiable  # adjoints do not ask whether there is an array
         self.inertial, self.displacement, self.spring_acceleration = (
-            wp.zeros_like(model.particle_q, requires_grad=model.differentiable) for _ in range(3)
+            wp.zeros(
+                model.particle_count if wanted else 0,
+                dtype=model.vec3,
+                device=model.device,
+                requires_grad=model.differentiable,
+            )
+            for wanted in (expects or self.needs_inertial, True, expects)
         )
         smooths = model.bend_count > 0 and not model.differentiable
         self._bending_filter = BendingFilter(model) if smooths else None
@@ -53,7 +61,8 @@ class PositionStep(Integrator):
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
         forces.evaluate(state_in, without=self.solved_forces)
         if self._bending_filter is not None:
-            self._bending_filter.apply(state_in, forces, dt, (self.inertial, self.displacement, state_out.particle_f))
+            scratch = (self.displacement, state_out.particle_qd, state_out.particle_f)  # none of it is in use yet
+            self._bending_filter.apply(state_in, forces, dt, scratch)
         self.predict(model, state_in, state_out, dt)
         self.finish(model, state_in, state_out, self._solve(model, state_in, forces, dt), dt)
 
@@ -90,11 +99,13 @@ class PositionStep(Integrator):
 
     def reset(self) -> None:
         """Forgets the spring forces of the previous step."""
-        fill(self.spring_acceleration)
+        if len(self.spring_acceleration):
+            fill(self.spring_acceleration)
 
     def memory(self) -> Sequence[Memory]:
-        """What springs did in the previous step."""
-        return [Memory(self.spring_acceleration, np.arange(len(self.spring_acceleration)))]
+        """What springs did in the previous step, if any of it is expected again."""
+        count = len(self.spring_acceleration)
+        return [Memory(self.spring_acceleration, np.arange(count))] if count else []
 
     @abstractmethod
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:

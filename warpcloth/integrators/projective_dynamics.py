@@ -44,6 +44,7 @@ class ProjectiveDynamics(PositionStep):
     """
 
     name = "projective_dynamics"
+    needs_inertial = True
     order = 1
     conserves_linear_momentum = False
     reference = (

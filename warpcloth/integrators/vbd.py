@@ -32,6 +32,7 @@ class Vbd(PositionStep):
     """
 
     name = "vbd"
+    needs_inertial = True
     order = 1
     conserves_linear_momentum = False
     # What sweeps leave unsolved moves cloth as a whole, as momentum is not kept: a folded tablecloth of 64² particles
