@@ -44,11 +44,13 @@ class BendingFilter:
         return float((z / most[most > 0.0]).min(initial=math.inf))
 
     def apply(self, state: State, forces: Forces, dt: float, scratch: tuple[wp.array, wp.array, wp.array]) -> None:
-        """Smooths ``state.particle_f`` for a step of dt [s]; overwrites three arrays, vec3, shape [particle_count]."""
-        most = self.stages(dt)
-        if most == 1:
+        """Smooths ``state.particle_f`` for a step of dt [s], if bending is among the forces.
+
+        Overwrites the arrays of ``scratch``, vec3, shape [particle_count].
+        """
+        most, bending = self.stages(dt), next((term for term in forces.terms if isinstance(term, Bending)), None)
+        if most == 1 or bending is None:
             return
-        bending = next(term for term in forces.terms if isinstance(term, Bending))
         kernels = self._model.kernels.bending_filter
         launch(
             kernels.count_stages,
