@@ -27,6 +27,8 @@ from .precision import FORWARD_ONLY, real, vec2, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
+LONGEST = 63  # stages; steps that would need more are as unstable as they would be without
+
 
 @wp.func
 def resistance(elements: BendingModel, e: int, dt: real):
@@ -44,12 +46,12 @@ def count_stages(
     # Out
     stages_out: wp.array(dtype=wp.int32),
 ):
-    """The smallest odd s for which s² + s is no less than z, by rates (ω² [1/s²], γ [1/s]) of each world."""
+    """The smallest odd s, to a limit, for which s² + s is no less than z; by rates (ω² [1/s²], γ [1/s]) of worlds."""
     world = wp.tid()
     rates = world_rates[world]
     z = dt * (dt * rates[0] + real(2.0) * rates[1])
     stages = int(wp.ceil(real(0.5) * (wp.sqrt(real(1.0) + real(4.0) * z) - real(1.0))))
-    stages_out[world] = wp.max(stages, 1) | 1
+    stages_out[world] = wp.clamp(stages, 1, LONGEST) | 1
 
 
 @wp.kernel

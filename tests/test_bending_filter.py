@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.polynomial.legendre import Legendre
 
 import warpcloth as wc
-from warpcloth.errors import StabilityWarning
+from warpcloth.errors import DivergedError, StabilityWarning
 from warpcloth.forces import Bending
 from warpcloth.forces.mass_damping import MassDamping
 from warpcloth.integrators.bending_filter import MOST_STAGES, BendingFilter
@@ -173,6 +173,14 @@ def test_steps_that_smooth_too_much_warn_and_still_hold_together():
         sim.run(120)
         strip(40, "auto").step(1.0 / 60.0)
     assert np.abs(sim.state.particle_q.numpy()).max() < 0.35
+
+
+def test_steps_beyond_all_measure_fail_loudly_and_soon():
+    """A plate of steel in one step a frame would need thousands of stages."""
+    sim = strip(40, 1, bending_rigidity=10.0, bending_rigidity_weft=10.0, bending_hysteresis=0.0)
+    assert sim.integrator._bending_filter.stages(1.0 / 60.0) == 63
+    with pytest.warns(StabilityWarning, match="unstable with 1 substep"), pytest.raises(DivergedError):
+        sim.step(1.0 / 60.0)
 
 
 def test_a_world_is_what_it_is_alone_beside_a_stiffer_one_on_any_threads():

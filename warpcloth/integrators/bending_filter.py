@@ -34,7 +34,8 @@ class BendingFilter:
     def stages(self, dt: float) -> int:
         """How many a step of dt [s] takes in the world that needs most; 1: it is stable as it is."""
         z = float((dt * (dt * self._rates[:, 0] + 2.0 * self._rates[:, 1])).max())
-        return max(1, math.ceil(0.5 * (math.sqrt(1.0 + 4.0 * MARGIN * z) - 1.0))) | 1
+        needed = math.ceil(0.5 * (math.sqrt(1.0 + 4.0 * MARGIN * z) - 1.0))
+        return min(max(needed, 1), self._model.kernels.bending_filter.LONGEST) | 1
 
     def longest_step(self) -> float:
         """The longest step [s] with no more than :data:`MOST_STAGES` stages."""
