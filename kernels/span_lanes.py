@@ -64,7 +64,7 @@ _SOLVE = for_cpu(f"""
         w = one(particle_inv_mass.data);
     }}
     mobility += w * (nx * nx + ny * ny + nz * nz);
-    const Mask taut = (excess > 0) & (mobility > 0) & among((1 << count) - 1);
+    const Mask taut = (excess > 0) & (mobility > 0);
     if (!__builtin_reduce_or(taut)) return;
     const V impulse = only(excess / ((1 + damping / (rest * dt)) * mobility + compliance / (dt * dt)), taut);
     auto add = [&](auto* to, const int* which, int shift, V a, V b, V c) {{
