@@ -43,16 +43,14 @@ class PositionStep(Integrator):
         self.iterations = validate.integer(iterations, "iterations", minimum=1, maximum=MAX_ITERATIONS)
         self.warm_start = validate.number(warm_start, "warm_start", minimum=0.0, maximum=1.0)
         self._scales = list(cloth_scales(model))
+
+        def vectors(wanted: bool) -> wp.array:
+            count, gradient = model.particle_count if wanted else 0, model.differentiable
+            return wp.zeros(count, dtype=model.vec3, device=model.device, requires_grad=gradient)
+
         expects = self.warm_start > 0.0 or model.differentiable  # adjoints do not ask whether there is an array
-        self.inertial, self.displacement, self.spring_acceleration = (
-            wp.zeros(
-                model.particle_count if wanted else 0,
-                dtype=model.vec3,
-                device=model.device,
-                requires_grad=model.differentiable,
-            )
-            for wanted in (expects or self.needs_inertial, True, expects)
-        )
+        self.displacement, self.spring_acceleration = vectors(True), vectors(expects)
+        self.inertial = vectors(expects or self.needs_inertial)
         smooths = model.bend_count > 0 and not model.differentiable
         self._bending_filter = BendingFilter(model) if smooths else None
         self.filtered_forces = ("bending",) if smooths else ()
