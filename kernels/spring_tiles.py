@@ -32,12 +32,13 @@ class Tiles:
     offset: wp.array(dtype=wp.int32)
 
 
-def _sum_over_springs(vectors: tuple[str, ...], out: str, law: str) -> str:
+def _sum_over_springs(vectors: tuple[str, ...], out: str, law: str, begin: str = "") -> str:
     """C++ that adds to the array ``out``, for the particles of block b, what each spring does to its ends.
 
     ``law`` works out g0, g1, g2, what a spring does to the particle that it leads from, and the opposite of what it
     does to the other; from the differences d0, d1, … of the components of all ``vectors`` between the two, and the
-    spring's ``rest``, ``k_s``, ``k_d``.
+    spring's ``rest``, ``k_s``, ``k_d``. ``begin`` is an if: where it writes what sums begin with, instead of adding to
+    what is in ``out``.
     """
     rows = range(3 * len(vectors))
     unpacked = "".join(
@@ -52,7 +53,7 @@ def _sum_over_springs(vectors: tuple[str, ...], out: str, law: str) -> str:
     {unpacked}
     for (R* f = fx; f < fx + 3 * room; f += {LANES}) store(f, 0);
     const int own = block[4] - lo, count = block[5] - block[4];
-    unpack((const R*)({out}.data + block[4]), count, fx + own, fy + own, fz + own);
+    {begin} unpack((const R*)({out}.data + block[4]), count, fx + own, fy + own, fz + own);
     for (int t = block[0]; t < block[1]; ++t) {{
         const int i = tiles.particle.data[t] - lo;
         {"".join(f"const V p{k} = load(r{k} + i);" for k in rows)}
@@ -78,6 +79,18 @@ def _sum_over_springs(vectors: tuple[str, ...], out: str, law: str) -> str:
     """)
 
 
+# set_gravity_force of kernels/particles.py for a block, which is of one world; no world's gravity given: none.
+_GRAVITY = """
+    if (world_gravity.shape[0] > 0) {
+        const auto& g = world_gravity.data[particle_world.data[block[4]]];
+        for (int k = 0; k < count; ++k) {
+            const R m = particle_mass.data[block[4] + k];
+            fx[own + k] = m * g[0];
+            fy[own + k] = m * g[1];
+            fz[own + k] = m * g[2];
+        }
+    } else"""
+
 # spring_pull of kernels/spring_law.py, written for vectors.
 _PULL = """
             const V rate = (d0 * d3 + d1 * d4 + d2 * d5) * inverse;
@@ -102,13 +115,16 @@ _PRODUCT = """
 """
 
 
-@wp.func_native(_sum_over_springs(("particle_q", "particle_qd"), "particle_f_out", _PULL))
+@wp.func_native(_sum_over_springs(("particle_q", "particle_qd"), "particle_f_out", _PULL, _GRAVITY))
 def _pull(
     tiles: Tiles,
     b: int,
     law: wp.array(dtype=real),
     shared_law: wp.array(dtype=vec3),
     shared_by: wp.array(dtype=wp.int32),
+    particle_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    world_gravity: wp.array(dtype=vec3),
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
     memory_out: wp.array(dtype=real),
@@ -125,17 +141,26 @@ def pull_blocks(
     law: wp.array(dtype=real),
     shared_law: wp.array(dtype=vec3),
     shared_by: wp.array(dtype=wp.int32),
+    particle_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
     # State in
+    world_gravity: wp.array(dtype=vec3),
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
     # Out
     memory_out: wp.array2d(dtype=real),
     particle_f_out: wp.array(dtype=vec3),
 ):
-    """Adds spring forces to the particles of blocks ``slot_start[s]`` to ``slot_start[s + 1]``, with the memory s."""
+    """Adds spring forces to the particles of blocks ``slot_start[s]`` to ``slot_start[s + 1]``, with the memory s.
+
+    Where each world's gravity is given, they are added to m g: one pass over memory less.
+    """
     slot = thread_offset + wp.tid()
     for b in range(slot_start[slot], slot_start[slot + 1]):
-        _pull(tiles, b, law, shared_law, shared_by, particle_q, particle_qd, memory_out[slot], particle_f_out)
+        _pull(
+            tiles, b, law, shared_law, shared_by, particle_mass, particle_world, world_gravity, particle_q, particle_qd,
+            memory_out[slot], particle_f_out,
+        )  # fmt: skip
 
 
 @wp.func_native(_sum_over_springs(("particle_q", "particle_qd", "x"), "product_out", _PRODUCT))

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+import trimesh
 import warp as wp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_springs import law_in_numpy, random_network
 
 import warpcloth as wc
-from warpcloth.forces import Linearization, Springs, spring_tiles
+from warpcloth.forces import Forces, Linearization, Springs, spring_tiles
 from warpcloth.forces import lanes as lanes_module
 from warpcloth.forces.lanes import in_lanes
 from warpcloth.forces.spring_rows import SpringRows
@@ -90,6 +91,35 @@ def test_neither_blocks_nor_threads_nor_other_worlds_change_a_bit():
         values[own] = getattr(alone, name).numpy()
         getattr(both, name).assign(values)
     assert np.array_equal(tile_forces(both, 2, 64)[own], forces)
+
+
+def test_gravity_and_springs_at_once_are_the_same_bits():
+    sheet, other = wc.Cloth.grid((1.0, 0.6), (33, 21)), wc.Cloth.grid((0.3, 0.2), (9, 5))
+    model = wc.Model.build_worlds([([item], []) for item in (sheet, other)])
+    state, gravity = State.of(model), model.array([[0.3, 0.0, -9.8], [0.0, 1.6, 0.1]], model.vec3)
+    model.particle_q.assign(model.particle_q.numpy() * [1.1, 0.9, 1.0])
+    model.launch_particles("particles", "set_gravity_force", [model.particle_mass, model.particle_world, gravity],
+                           [state.particle_f])  # fmt: skip
+    tiles = tiles_of(model, 2, 64)
+    tiles.accumulate(state)
+    expected = state.particle_f.numpy().copy()
+    state.particle_f.fill_(float("nan"))  # what was there before must not count
+    tiles.accumulate(state, gravity)
+    assert np.abs(expected[-45:]).max() > 0.0
+    assert np.array_equal(state.particle_f.numpy(), expected)
+
+
+def test_particles_of_a_world_without_springs_fall_too():
+    """Blocks are of worlds that have springs; where one has none, gravity goes by itself."""
+    sheet = wc.Cloth.grid((0.3, 0.2), (9, 5))
+    woven = wc.Cloth.from_mesh(trimesh.Trimesh(np.eye(3), [[0, 1, 2]], process=False), springs="woven")
+    for cloths, has_all in (([sheet, sheet], True), ([sheet, woven], False)):
+        model = wc.Model.build_worlds([([item], []) for item in cloths])
+        springs, state = Springs(model, ranges=2), State.of(model)
+        assert [part.has_all for part in springs._parts] == [has_all]
+        Forces(model, [springs], model.array([[0.0, 0.0, -10.0]] * 2, model.vec3)).evaluate(state)
+        weight = 10.0 * model.particle_mass.numpy()
+        assert np.allclose(state.particle_f.numpy()[:, 2], -weight, rtol=1e-6)  # springs at rest pull nowhere
 
 
 def test_what_is_not_a_number_shows_at_its_neighbours_and_nowhere_else():

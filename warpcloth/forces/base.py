@@ -90,6 +90,15 @@ class Prepared(Protocol):
 
 
 @runtime_checkable
+class Opening(Protocol):
+    """A force that can be worked out together with gravity: a :class:`ForceTerm` that, where it is the first, may."""
+
+    def begin(self, state: State, world_gravity: wp.array) -> bool:
+        """Writes m g and the force [N] at ``state`` into ``particle_f``, whatever was there; False: does nothing."""
+        ...
+
+
+@runtime_checkable
 class Differentiable(Protocol):
     """A force whose kernels have adjoints in differentiable models: a :class:`ForceTerm` that says what it depends on.
 
@@ -162,11 +171,14 @@ class Forces:
         """
         model = self.model
         self.evaluations += 0 if without else 1
-        inputs = [model.particle_mass, model.particle_world, self.world_gravity]
-        model.launch_particles("particles", "set_gravity_force", inputs, [state.particle_f])
-        for term in self.terms:
-            if term.name not in without:
-                term.accumulate(state, time_offset)
+        terms = [term for term in self.terms if term.name not in without]
+        if terms and isinstance(terms[0], Opening) and terms[0].begin(state, self.world_gravity):
+            terms = terms[1:]
+        else:
+            inputs = [model.particle_mass, model.particle_world, self.world_gravity]
+            model.launch_particles("particles", "set_gravity_force", inputs, [state.particle_f])
+        for term in terms:
+            term.accumulate(state, time_offset)
 
     def linearize(self, at: Linearization) -> None:
         """The start of many products at one state, with this very ``at``: what can be is computed once for all of them.

@@ -45,6 +45,9 @@ class SpringTiles:
 
     Args:
         model: the model. lanes: its springs. ranges: how many threads may sum forces at the same time.
+
+    Attributes:
+        has_all: whether each particle of the model belongs to a block.
     """
 
     def __init__(self, model: Model, lanes: Lanes, ranges: int):
@@ -63,20 +66,26 @@ class SpringTiles:
         self._memory = wp.zeros((len(starts) - 1, self._kernels.ROWS * room), dtype=model.real, device=model.device)
         self._laws = LaneLaws(model, lane_spring)
         self._inputs = [self._tiles, self._slot_start, *self._laws.of_entries(0, len(entry))]
+        self._no_gravity = wp.zeros(0, dtype=model.vec3, device=model.device)
+        self.has_all = bool((block[:, 3] - block[:, 2]).sum() == model.particle_count)
 
     def arrange(self) -> None:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
         self._laws.arrange()
 
-    def accumulate(self, state: State) -> None:
-        """Adds spring forces [N] to ``state.particle_f``."""
+    def accumulate(self, state: State, world_gravity: wp.array | None = None) -> None:
+        """Adds spring forces [N] to ``state.particle_f``; where ``world_gravity`` is given, [m/s²], to m g instead."""
+        model = self.model
+        gravity = self._no_gravity if world_gravity is None else world_gravity
         launch(
             self._kernels.pull_blocks,
             dim=len(self._slot_start) - 1,
-            inputs=[*self._inputs, state.particle_q, state.particle_qd],
+            inputs=[
+                *self._inputs, model.particle_mass, model.particle_world, gravity, state.particle_q, state.particle_qd,
+            ],
             outputs=[self._memory, state.particle_f],
-            device=self.model.device,
-        )
+            device=model.device,
+        )  # fmt: skip
 
     def multiply(self, at: Linearization, x: wp.array, out: wp.array) -> None:
         """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""

@@ -53,6 +53,14 @@ class Springs:
         for part in self._parts:
             part.arrange()
 
+    def begin(self, state: State, world_gravity: wp.array) -> bool:
+        """Gravity and springs at once, if all are in tiles; see :class:`~warpcloth.forces.base.Opening`."""
+        part = self._parts[0] if len(self._parts) == 1 else None
+        if not (isinstance(part, SpringTiles) and part.has_all):
+            return False
+        part.accumulate(state, world_gravity)
+        return True
+
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds spring forces [N] to ``state.particle_f``."""
         for part in self._parts:
