@@ -9,7 +9,7 @@ import sys
 
 import warp as wp
 
-from .contact_ways import Way, may_meet, whole_high, whole_low
+from .contact_ways import Way, highest, lowest, may_meet
 from .counting import count_up
 from .direct import int_at, pair_at, triple_at
 from .precision import FORWARD_ONLY
@@ -110,14 +110,15 @@ def begin_adding(
 def box_ways(
     # State in
     known: wp.array(dtype=Way),
+    stray: float,
     # Out
     lower_out: wp.array(dtype=wp.vec3),
     upper_out: wp.array(dtype=wp.vec3),
 ):
-    """Boxes of known ways, as trees of Warp take them."""
+    """Boxes of known ways, as trees of Warp take them, with the share ``stray`` of their motion."""
     t = wp.tid()
-    lower_out[t] = whole_low(known[t])
-    upper_out[t] = whole_high(known[t])
+    lower_out[t] = lowest(known[t], stray)
+    upper_out[t] = highest(known[t], stray)
 
 
 @wp.kernel
@@ -165,6 +166,7 @@ def add_pair(
     moved: wp.array(dtype=wp.int32),
     all: int,
     known: wp.array(dtype=Way),
+    stray: float,
     pairs_out: TrianglePairs,
 ):
     """Adds triangles t, which has moved, and u, if they may meet, have no common vertices, and u does not find t."""
@@ -172,7 +174,7 @@ def add_pair(
         return
     if common_vertex(mine, triple_at(tri_indices, u)):
         return
-    if may_meet(known[t], known[u]):
+    if may_meet(known[t], known[u], stray):
         list_pair(t, u, pairs_out)
 
 
@@ -188,6 +190,7 @@ def find_triangle_pairs(
     moved: wp.array(dtype=wp.int32),
     anew: wp.array(dtype=wp.int32),
     known: wp.array(dtype=Way),
+    stray: float,
     bvh: wp.uint64,
     # Out
     pairs_out: TrianglePairs,
@@ -205,10 +208,10 @@ def find_triangle_pairs(
         root = group_root[2 * particle_world[mine[0]] + group]
         if root < 0:
             continue
-        query = wp.bvh_query_aabb(bvh, whole_low(known[t]), whole_high(known[t]), root)
+        query = wp.bvh_query_aabb(bvh, lowest(known[t], stray), highest(known[t], stray), root)
         u = int(0)
         while wp.bvh_query_next(query, u):
-            add_pair(t, u, mine, tri_indices, moved, anew[0], known, pairs_out)
+            add_pair(t, u, mine, tri_indices, moved, anew[0], known, stray, pairs_out)
 
 
 @wp.kernel

@@ -230,6 +230,7 @@ def find_pairs(
     margin: wp.float64,
     cloth_particles: int,
     leeway: wp.float64,
+    foreseen: wp.float32,
     # Out
     pairs_out: Pairs,
 ):
@@ -245,7 +246,7 @@ def find_pairs(
             continue
         if (int_at(tri_active, t) | int_at(tri_active, u)) == 0:
             continue
-        if may_meet(way[t], way[u]):
+        if may_meet(way[t], way[u], foreseen):
             add_features(
                 t, u, tri_indices, tri_owned, particle_body, particle_radius, particle_rest, particle_from,
                 particle_to, margin, cloth_particles, leeway, pairs_out,

@@ -10,7 +10,7 @@ import sys
 import warp as wp
 
 from .contact_candidates import TrianglePairs, groups_of, list_pair
-from .contact_ways import Way, whole_high, whole_low
+from .contact_ways import Way, highest, lowest
 from .direct import triple_at
 from .precision import FORWARD_ONLY
 
@@ -72,6 +72,7 @@ def fit_leaves(
     # State in
     known: wp.array(dtype=Way),
     moved: wp.array(dtype=wp.int32),
+    stray: float,
     # Out
     contents_out: Contents,
 ):
@@ -83,8 +84,8 @@ def fit_leaves(
         t = tree.triangle[WIDTH * node + lane]
         if t >= 0:
             way = known[t]
-            low = wp.min(low, whole_low(way))
-            high = wp.max(high, whole_high(way))
+            low = wp.min(low, lowest(way, stray))
+            high = wp.max(high, highest(way, stray))
             put_box(contents_out.way, WAY * node + lane, way.low, way.high)
             put_box(contents_out.way, WAY * node + BOX + lane, way.end_low, way.end_high)
             contents_out.moved[WIDTH * node + lane] = moved[t]
@@ -145,17 +146,28 @@ _MEET = _for_cpu(f"""
     for (int k = 0; k < 3; ++k)
         apart |= (whole(corner, k) == mine[0]) | (whole(corner, k) == mine[1]) | (whole(corner, k) == mine[2]);
     const float* other = contents.way.data + {12 * WIDTH} * (long long)leaf;
-    F first = 0, last = 1;
-    auto gap_between = [&](F gap, F end_gap) {{
-        const F meets = gap / (gap - end_gap);
-        const I open = gap > 0, end_open = end_gap > 0;
-        apart |= open & end_open;
-        first = (open & ~end_open & (meets > first)) ? meets : first;
-        last = (~open & end_open & (meets < last)) ? meets : last;
-    }};
+    F along[3], gap[6], end_gap[6];
     for (int k = 0; k < 3; ++k) {{
-        gap_between(way.low[k] - row(other, 3 + k), way.end_low[k] - row(other, 9 + k));
-        gap_between(row(other, k) - way.high[k], row(other, 6 + k) - way.end_high[k]);
+        const F low = row(other, k), high = row(other, 3 + k);
+        const F end_low = row(other, 6 + k), end_high = row(other, 9 + k);
+        along[k] = way.end_low[k] - way.low[k] + way.end_high[k] - way.high[k] - (end_low - low + end_high - high);
+        gap[k] = way.low[k] - high;
+        gap[3 + k] = low - way.high[k];
+        end_gap[k] = way.end_low[k] - end_high;
+        end_gap[3 + k] = end_low - way.end_high[k];
+    }}
+    const F squared = along[0] * along[0] + along[1] * along[1] + along[2] * along[2];
+    const F nearer = 0.5f * stray * __builtin_elementwise_sqrt(squared);
+    for (int k = 0; k < 6; ++k) {{
+        end_gap[k] -= nearer;
+        apart |= (gap[k] > 0) & (end_gap[k] > 0);
+    }}
+    if (__builtin_reduce_and(apart)) return 0;
+    F first = 0, last = 1;
+    for (int k = 0; k < 6; ++k) {{
+        const F meets = gap[k] / (gap[k] - end_gap[k]);
+        first = ((gap[k] > 0) & (meets > first)) ? meets : first;
+        last = ((gap[k] <= 0) & (end_gap[k] > 0) & (meets < last)) ? meets : last;
     }}
     return bits(~apart & ~(first > last));
 """)
@@ -175,12 +187,14 @@ def overlapping(contents: Contents, node: int, low: wp.vec3, high: wp.vec3) -> i
 
 
 @wp.func_native(_MEET)
-def meeting(tree: WideTree, contents: Contents, leaf: int, t: int, mine: wp.vec3i, way: Way, all: int) -> int:
+def meeting(
+    tree: WideTree, contents: Contents, leaf: int, t: int, mine: wp.vec3i, way: Way, stray: float, all: int
+) -> int:
     """Which triangles of a leaf triangle t has to be listed with, a bit for each."""
 
 
 @wp.func_native(_LOWEST)
-def lowest(set: int) -> int:
+def first_of(set: int) -> int:
     """The number of the lowest bit that is set, of at least one."""
 
 
@@ -196,6 +210,7 @@ def search_tree(
     moved: wp.array(dtype=wp.int32),
     anew: wp.array(dtype=wp.int32),
     known: wp.array(dtype=Way),
+    stray: float,
     contents: Contents,
     # Out
     pairs_out: TrianglePairs,
@@ -206,8 +221,8 @@ def search_tree(
         return
     mine = triple_at(tri_indices, t)
     way = known[t]
-    low = whole_low(way)
-    high = whole_high(way)
+    low = lowest(way, stray)
+    high = highest(way, stray)
     leaves = tree.triangle.shape[0] / WIDTH
     for group in range(groups_of(t, cloth_tris)):
         stack = Stack()
@@ -219,14 +234,14 @@ def search_tree(
             height -= 1
             node = stack[height]
             if node < leaves:
-                hits = meeting(tree, contents, node, t, mine, way, anew[0])
+                hits = meeting(tree, contents, node, t, mine, way, stray, anew[0])
                 while hits != 0:
-                    list_pair(t, tree.triangle[WIDTH * node + lowest(hits)], pairs_out)
+                    list_pair(t, tree.triangle[WIDTH * node + first_of(hits)], pairs_out)
                     hits = hits & (hits - 1)
             else:
                 child = tree.child[node]
                 hits = overlapping(contents, node - leaves, low, high)
                 while hits != 0:
-                    stack[height] = child + lowest(hits)
+                    stack[height] = child + first_of(hits)
                     height += 1
                     hits = hits & (hits - 1)

@@ -67,6 +67,24 @@ def outside(low: wp.vec3, high: wp.vec3, around_low: wp.vec3, around_high: wp.ve
 
 
 @wp.func
+def motion_of(way: Way):
+    """Of the middle of a way's box [m]."""
+    return 0.5 * (way.end_low - way.low + way.end_high - way.high)
+
+
+@wp.func
+def lowest(way: Way, stray: float):
+    """Lower corner of the box of all of a way, and the share ``stray`` of its motion around."""
+    return whole_low(way) - wp.vec3(stray * wp.length(motion_of(way)))
+
+
+@wp.func
+def highest(way: Way, stray: float):
+    """Upper corner of the same."""
+    return whole_high(way) + wp.vec3(stray * wp.length(motion_of(way)))
+
+
+@wp.func
 def while_closed(gap: float, end_gap: float, span: wp.vec2):
     """The part of a span of time in which a gap that changes evenly from 0 to 1 is not open."""
     out = span
@@ -81,12 +99,20 @@ def while_closed(gap: float, end_gap: float, span: wp.vec2):
 
 
 @wp.func
-def may_meet(a: Way, b: Way):
-    """Whether two boxes overlap at any time of their ways."""
+def may_meet(a: Way, b: Way, stray: float):
+    """Whether two boxes overlap at any time of their ways, at the end of which they may be nearer by the share
+    ``stray`` of their motion to each other."""
+    nearer = wp.vec3(stray * wp.length(motion_of(a) - motion_of(b)))
+    above = a.low - b.high
+    below = b.low - a.high
+    end_above = a.end_low - b.end_high - nearer
+    end_below = b.end_low - a.end_high - nearer
+    if wp.max(wp.max(wp.min(above, end_above), wp.min(below, end_below))) > 0.0:  # apart along one axis all the time
+        return False
     span = wp.vec2(0.0, 1.0)
     for k in range(3):
-        span = while_closed(a.low[k] - b.high[k], a.end_low[k] - b.end_high[k], span)
-        span = while_closed(b.low[k] - a.high[k], b.end_low[k] - a.end_high[k], span)
+        span = while_closed(above[k], end_above[k], span)
+        span = while_closed(below[k], end_below[k], span)
         if span[0] > span[1]:
             return False
     return True
@@ -145,22 +171,58 @@ def way_of(corners: wp.vec3i, particle_from: wp.array(dtype=vec3), particle_to: 
 
 
 @wp.func
-def reached(way: Way, drift: wp.vec3, ahead: float):
-    """A box that holds this way, and those that follow if all goes on like this, as far as ``ahead`` [m] allows.
+def stands(known: Way):
+    """Whether a known way is a box that stays where it is."""
+    return known.low == known.end_low and known.high == known.end_high
 
-    The way itself if one more would be further, or what moves with the mean of the world comes further.
-    """
-    step = 0.5 * (way.end_low - way.low + way.end_high - way.high) + drift  # of its middle, as it is
-    far = wp.length(step)
+
+@wp.func
+def grown_at_end(way: Way, by: float):
     out = way
-    if far <= ahead and wp.length(drift) <= ahead:
-        onward = wp.min(MOST_AHEAD, ahead / wp.max(far, 1.0e-9)) * step
-        low = whole_low(way)
-        high = whole_high(way)
-        out.low = wp.min(low, low + onward)
-        out.high = wp.max(high, high + onward)
-        out.end_low = out.low
-        out.end_high = out.high
+    out.end_low -= wp.vec3(by)
+    out.end_high += wp.vec3(by)
+    return out
+
+
+@wp.func
+def holds(known: Way, way: Way, stray: float, room: float):
+    """Whether pairs whose known ways cannot meet are none that may meet on their ways (:func:`may_meet`).
+
+    In a box that stands there is room for what a triangle strays by itself; one that moves must move as is known,
+    but for ``room`` [m].
+    """
+    motion = motion_of(way)
+    inner = way
+    if stands(known):
+        inner = grown_at_end(way, stray * wp.length(motion))
+    elif stray > 0.0 and not (wp.length(motion - motion_of(known)) <= room):
+        return False
+    return not (
+        outside(inner.low, inner.high, known.low, known.high)
+        or outside(inner.end_low, inner.end_high, known.end_low, known.end_high)
+    )
+
+
+@wp.func
+def known_way(way: Way, drift: wp.vec3, stray: float, room: float, ahead: float):
+    """What is to be known of a triangle on this way: more than it by ``room`` [m], so that it holds later ones, too.
+
+    A box that stands and holds those that follow if all goes on like this, as far as ``ahead`` [m] allows; the way
+    itself if one more would be further, or what moves with the mean of the world comes further.
+    """
+    step = motion_of(way) + drift  # as it is
+    far = wp.length(step)
+    if far > ahead or wp.length(drift) > ahead:
+        return grown_at_end(grown(way, wp.vec3(room)), stray * room)
+    inner = grown_at_end(way, stray * wp.length(motion_of(way)))
+    onward = wp.min(MOST_AHEAD, ahead / wp.max(far, 1.0e-9)) * step
+    low = whole_low(inner)
+    high = whole_high(inner)
+    out = Way()
+    out.low = wp.min(low, low + onward) - wp.vec3(room)
+    out.high = wp.max(high, high + onward) + wp.vec3(room)
+    out.end_low = out.low
+    out.end_high = out.high
     return out
 
 
@@ -176,6 +238,7 @@ def swept_bounds(
     drift: wp.array(dtype=wp.vec3d),
     active: wp.array(dtype=wp.int32),
     margin: float,
+    foreseen: float,
     stray: float,
     room: float,
     ahead: float,
@@ -186,12 +249,11 @@ def swept_bounds(
     any_moved_out: wp.array(dtype=wp.int32),
     tri_active_out: wp.array(dtype=wp.int32),
 ):
-    """The way of every triangle from one set of positions to another, grown by ``margin`` [m]; its end besides by the
-    share ``stray`` of its motion.
+    """The way of every triangle from one set of positions to another, grown by ``margin`` [m].
 
-    Where the known way does not hold it, that becomes the same with ``room`` [m] more, and with what it will reach
-    ahead; ``moved`` is 1 there, else 0. A triangle is active if one of its corners is; of others the way is the same as
-    it was.
+    Where the known way does not hold it, with what it strays if the way is only ``foreseen`` (by the share ``stray`` of
+    its motion; else ``foreseen`` is 0), that becomes a new one; ``moved`` is 1 there, else 0. A triangle is active if
+    one of its corners is; of others the way is the same as it was.
     """
     t = thread_offset + wp.tid()
     corners = triple_at(tri_indices, t)
@@ -205,17 +267,10 @@ def swept_bounds(
     high = whole_high(bare)
     pad = padding(margin, low, high)
     way = grown(bare, pad)
-    off = wp.vec3(0.5 * stray * wp.length(bare.end_low - bare.low + bare.end_high - bare.high))
-    way.end_low -= off
-    way.end_high += off
     way_out[t] = way
-    known = known_out[t]
-    if outside(way.low, way.high, known.low, known.high) or outside(
-        way.end_low, way.end_high, known.end_low, known.end_high
-    ):
+    if not holds(known_out[t], way, foreseen, room):
         d = drift[particle_world[corners[0]]]
-        known = grown(reached(way, wp.vec3(float(d[0]), float(d[1]), float(d[2])), ahead), wp.vec3(room))
-        known_out[t] = known
+        known_out[t] = known_way(way, wp.vec3(float(d[0]), float(d[1]), float(d[2])), stray, room, ahead)
         moved_out[t] = 1
         any_moved_out[0] = 1
 

@@ -1,7 +1,6 @@
 """What may be near is found, whatever is remembered of earlier ways and however few pairs are looked at."""
 
 import itertools
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -9,11 +8,10 @@ import trimesh
 import warp as wp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from warpcloth.kernels import KernelSet
 
 import warpcloth as wc
 from warpcloth.contact.fans import BROKEN, CLOSED, OPEN, fans_of
-from warpcloth.contact.pair_finder import PairFinder
+from warpcloth.contact.pair_finder import LEEWAY, PairFinder
 from warpcloth.contact.pair_list import PairList
 from warpcloth.contact.trees import BinaryTree, WideTree, spatial_order, tree_levels
 from warpcloth.surface import Surface
@@ -52,13 +50,14 @@ def placed(surface, points) -> wp.array:
     return array
 
 
-def look(finder, pairs, surface, start, end, fans=True) -> set[tuple[int, ...]]:
+def look(finder, pairs, surface, start, end, fans=True, foreseen=False) -> set[tuple[int, ...]]:
     """What is found; with ``fans``, in sharp folds only."""
     arrays = [placed(surface, points) for points in (start, end)]
     while True:
         finder.look_at_fans(*arrays, finder.everything)
         finder.measure_drift(*arrays)
-        finder.find(pairs, *arrays, finder.everything, MARGIN, finder.flat if fans else wp.zeros_like(finder.flat))
+        flat = finder.flat if fans else wp.zeros_like(finder.flat)
+        finder.find(pairs, *arrays, finder.everything, MARGIN, flat, foreseen)
         if not finder.grow():
             return listed(pairs)
 
@@ -76,6 +75,28 @@ def test_what_is_remembered_does_not_show(finder, seed, stray):
     finder[0].forget()
     assert remembered == look(finder[0], *pairs_of, b, c)
     assert remembered or stray < 0.05  # little of a smooth fold is near anything
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 10**6), speed=st.sampled_from([0.01, 0.03, 0.1, 0.3]))
+def test_nor_does_it_where_ways_are_foreseen(finder, seed, speed):
+    """Interval after interval, each foreseen and then as it was, of two halves that go different ways."""
+    rng = np.random.default_rng(seed)
+    finder, pairs, surface = finder
+    start = crumpled(rng)
+    half = start[:, 1:2] > np.median(start[:, 1])
+    ways, looks = rng.normal(scale=speed, size=(2, 3)), []
+    for _ in range(6):
+        ways += rng.normal(scale=0.2 * speed, size=(2, 3))
+        way = np.where(half, *ways) + rng.normal(scale=0.002, size=start.shape)
+        end = start + way + rng.normal(scale=0.002, size=start.shape)
+        looks += [(start, start + way, True), (start, end, False)]
+        start = end
+    finder.forget()
+    remembered = [look(finder, pairs, surface, a, b, foreseen=foreseen) for a, b, foreseen in looks]
+    for (a, b, foreseen), found in zip(looks, remembered, strict=True):
+        finder.forget()
+        assert found == look(finder, pairs, surface, a, b, foreseen=foreseen)
 
 
 @settings(max_examples=15)
@@ -234,46 +255,6 @@ def _rim_crosses(points: np.ndarray, centre: int, t: list[int], u: list[int]) ->
     return min(signs) > 0 or max(signs) < 0
 
 
-@pytest.fixture(scope="module")
-def meet() -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    ways = KernelSet("float32").contact_ways
-    way_type, may_meet = ways.Way, ways.may_meet
-
-    @wp.kernel(enable_backward=False, module="unique")
-    def ask(a: wp.array(dtype=way_type), b: wp.array(dtype=way_type), out: wp.array(dtype=wp.int32)):
-        i = wp.tid()
-        out[i] = wp.where(may_meet(a[i], b[i]), 1, 0)
-
-    def asked(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        out = wp.zeros(len(a), dtype=wp.int32, device="cpu")
-        boxes = [
-            wp.array(np.ascontiguousarray(x, np.float32).view(way_type.numpy_dtype()).ravel(), dtype=way_type)
-            for x in (a, b)
-        ]
-        wp.launch(ask, len(a), boxes, [out], device="cpu")
-        return out.numpy().astype(bool)
-
-    return asked
-
-
-def test_boxes_meet_if_they_overlap_at_any_time_of_their_ways(meet):
-    """Against overlaps at many times; ways that miss each other by less than those tell are left out."""
-    rng = np.random.default_rng(0)
-    middle, half = rng.uniform(-1.0, 1.0, (2, 20_000, 2, 3)), rng.uniform(0.05, 0.4, (2, 20_000, 2, 3))
-    low, high = middle - half, middle + half
-    a, b = (
-        np.stack([low[k, :, 0], high[k, :, 0], low[k, :, 1], high[k, :, 1]], axis=1).reshape(-1, 12) for k in (0, 1)
-    )
-    t = np.linspace(0.0, 1.0, 401)[:, None, None]
-    lows, highs = ([(1.0 - t) * x[k, :, 0] + t * x[k, :, 1] for k in (0, 1)] for x in (low, high))
-    gap = np.maximum(lows[0] - highs[1], lows[1] - highs[0]).max(axis=-1).min(axis=0)
-    clear = np.abs(gap) > 0.01
-    assert np.array_equal(meet(a, b)[clear], gap[clear] < 0.0)
-    apart_at_both_ends = np.maximum(low[0] - high[1], low[1] - high[0]).max(axis=-1).min(axis=-1) > 0.0
-    assert 0.1 < (gap[apart_at_both_ends] < 0.0).mean() < 0.9
-    assert clear.mean() > 0.9
-
-
 def found_in(tree_kind: type, model: wc.Model, moved: np.ndarray, anew: bool) -> set[tuple[int, int]]:
     """Pairs of triangles of a model that a tree finds, fitted to ways after it was made."""
     surface, rng = Surface(model), np.random.default_rng(5)
@@ -281,10 +262,11 @@ def found_in(tree_kind: type, model: wc.Model, moved: np.ndarray, anew: bool) ->
     finder._bound(surface.rest, surface.rest, finder.everything, 0.0)
     tree = tree_kind(model, surface, *([finder.known_way] if tree_kind is BinaryTree else []))
     end = surface.positions()
-    end.assign(surface.rest.numpy() + rng.normal(0.0, 0.03, (surface.particle_count, 3)))
+    way = rng.normal(0.0, 0.03, (surface.particle_count, 3)) + rng.random((surface.particle_count, 1)) * [0.3, 0.0, 0.1]
+    end.assign(surface.rest.numpy() + way)
     finder._bound(surface.rest, end, finder.everything, 0.001)
     arrays = [wp.array(values, dtype=wp.int32, device="cpu") for values in (moved, [int(anew)])]
-    tree.find(*arrays, finder.known_way, finder.known)
+    tree.find(*arrays, finder.known_way, LEEWAY, finder.known)
     count = int(finder.known.added.numpy()[0])
     assert count <= finder.capacity
     pairs = finder.known.pair.numpy()[:count]

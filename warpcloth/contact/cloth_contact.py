@@ -26,7 +26,6 @@ SEPARATION = 1e-6  # [m] that the guard keeps between any two; well above the ro
 REACH = 1.25  # pairs nearer than this many contact distances are listed
 TORN = 10.0  # an edge this many times its length has no cloth in it: the integrator has diverged
 PASSES = 2  # of the response each substep. With one, creep on an incline and strain in piles are three times as large
-LEEWAY = 0.25  # of the motion within a pair that is foreseen for the response; the guard counts all of it
 ROUNDS = 100  # of parting what would meet, before the rest is held back; few scenes need more than 4
 # Rounds over which the clearance grows; without that a spinning ball at 9 m/s took 300, with it 40. Tried besides: to
 # part what is only near to what met, too. Heaps of folds were parted sooner, but that ball then held the curtains.
@@ -80,7 +79,7 @@ class ClothContact:
         finder, reach = self.finder, REACH * surface.thickest
         finder.look_at_fans(self.start, self.start, finder.everything)
         finder.measure_drift(self.start, self.before)
-        finder.find(self.pairs, self.start, self.before, finder.everything, reach, finder.flat, LEEWAY)
+        finder.find(self.pairs, self.start, self.before, finder.everything, reach, finder.flat, foreseen=True)
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``; obstacles have been placed."""

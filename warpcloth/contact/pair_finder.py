@@ -11,7 +11,8 @@ from .pair_list import PairList, loop_width
 from .trees import BinaryTree, WideTree
 
 ROOM = 0.05  # of an edge's length: how far a triangle may stray before its neighbours are looked up again
-AHEAD = 0.4  # of an edge's length: how far ahead of a slow triangle they are looked up
+LEEWAY = 0.25  # of the motion within a pair that counts where it is only foreseen
+AHEAD = 0.3  # of an edge's length: how far ahead of a slow triangle they are looked up
 
 
 class PairFinder:
@@ -47,7 +48,7 @@ class PairFinder:
 
     def find(
         self, target: PairList, start: wp.array, end: wp.array, active: wp.array, margin: float, flat: wp.array,
-        leeway: float = 1.0,
+        foreseen: bool = False,
     ) -> None:  # fmt: skip
         """Fills ``target`` with the pairs that can come within ``margin`` [m] on the way from start to end.
 
@@ -57,19 +58,20 @@ class PairFinder:
             start, end: positions of all particles of the surface [m].
             active: mask of particles; pairs of two triangles without any are left out.
             flat: which fans need not be looked at; see :meth:`look_at_fans`.
-            leeway: how much of the motion within a pair counts beside that of its closest points: less than all of it
-                leaves out pairs that could meet, but hardly will.
+            foreseen: the end is only foreseen: of the motion within a pair, beside that of its closest points, no more
+                than :data:`LEEWAY` counts, which leaves out pairs that could meet, but hardly will.
         """
         surface = self.surface
         end = self._without_drift(end)
-        self._bound(start, end, active, 0.5 * margin, leeway if leeway < 1.0 else 0.0)
+        leeway, stray = (LEEWAY, LEEWAY) if foreseen else (1.0, 0.0)
+        self._bound(start, end, active, 0.5 * margin, stray)
         only_if(self.any_moved, self._renew_known)
         fill(target.pairs.count)
         mesh = [surface.tri_indices, surface.tri_owned, surface.body, surface.radius, surface.rest]
         others = [self.tri_active, margin, surface.cloth_particles, leeway]
         self._launch(
             self.kernels.contact_pairs.find_pairs, self.width,
-            [*mesh, self.width, self.known, start, end, self.way, *others],
+            [*mesh, self.width, self.known, start, end, self.way, *others, stray],
             [target.pairs],
         )  # fmt: skip
         self._launch(
@@ -135,15 +137,15 @@ class PairFinder:
         return BinaryTree(self.model, surface, self.known_way)
 
     def _bound(
-        self, start: wp.array, end: wp.array, active: wp.array, margin: float, stray: float = 0.0
+        self, start: wp.array, end: wp.array, active: wp.array, margin: float, foreseen: float = 0.0
     ) -> None:  # fmt: skip
         fill(self.any_moved)
         surface = self.surface
         self._launch(
             self.kernels.contact_ways.swept_bounds, surface.tri_count,
             [
-                surface.tri_indices, surface.world, start, end, self.drift, active, margin, stray, self.room,
-                self.ahead,
+                surface.tri_indices, surface.world, start, end, self.drift, active, margin, foreseen, LEEWAY,
+                self.room, self.ahead,
             ],
             [self.way, self.known_way, self.moved, self.any_moved, self.tri_active],
         )  # fmt: skip
@@ -153,7 +155,7 @@ class PairFinder:
         kernels, known = self.kernels.contact_candidates, self.known
         self._launch(kernels.drop_pairs, self.width, [self.width, self.moved], [known])
         self._launch(kernels.begin_adding, 1, [], [known, self.anew])
-        self._tree.find(self.moved, self.anew, self.known_way, known)
+        self._tree.find(self.moved, self.anew, self.known_way, LEEWAY, known)
         self._launch(kernels.end_adding, 1, [], [known])
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:

@@ -33,24 +33,24 @@ class BinaryTree:
         self._kernels, self._surface = model.kernels.contact_candidates, surface
         groups, count = tree_groups(model, surface), 2 * model.world_count
         self._boxes = [wp.zeros(len(groups), dtype=wp.vec3, device=model.device) for _ in range(2)]
-        self._box(known)
+        self._box(known, 0.0)
         lower, upper = self._boxes
         self._tree = wp.Bvh(lower, upper, groups=model.array(groups, wp.int32))
         sizes = model.array(np.bincount(groups, minlength=count), wp.int32)
         self._root = wp.zeros(count, dtype=wp.int32, device=model.device)
         launch(self._kernels.find_roots, count, [sizes, self._tree.id], [self._root], model.device)
 
-    def find(self, moved: wp.array, anew: wp.array, known: wp.array, pairs: Any) -> None:
+    def find(self, moved: wp.array, anew: wp.array, known: wp.array, stray: float, pairs: Any) -> None:
         """Adds the pairs of triangles that have moved to ``pairs``; boxes may have changed."""
-        self._box(known)
+        self._box(known, stray)
         refit(self._tree)
         surface = self._surface
         mesh = [surface.tri_indices, surface.world, self._root, surface.cloth_tris]
-        inputs = [*mesh, moved, anew, known, self._tree.id]
+        inputs = [*mesh, moved, anew, known, stray, self._tree.id]
         launch(self._kernels.find_triangle_pairs, surface.tri_count, inputs, [pairs], surface.tri_indices.device)
 
-    def _box(self, known: wp.array) -> None:
-        launch(self._kernels.box_ways, self._surface.tri_count, [known], self._boxes, known.device)
+    def _box(self, known: wp.array, stray: float) -> None:
+        launch(self._kernels.box_ways, self._surface.tri_count, [known, stray], self._boxes, known.device)
 
 
 class WideTree:
@@ -76,17 +76,17 @@ class WideTree:
         self._contents.way = model.array(np.tile(empty, 2 * leaves), wp.float32)
         self._contents.moved = wp.zeros(width * leaves, dtype=wp.int32, device=model.device)
 
-    def find(self, moved: wp.array, anew: wp.array, known: wp.array, pairs: Any) -> None:
+    def find(self, moved: wp.array, anew: wp.array, known: wp.array, stray: float, pairs: Any) -> None:
         """Adds the pairs of triangles that have moved to ``pairs``; ways may have changed."""
         surface, first = self._surface, 0
         for level, size in enumerate(self._level_sizes):
             kernel, inputs = self._kernels.fit_nodes, [first, self._tree]
             if level == 0:
-                kernel, inputs = self._kernels.fit_leaves, [self._tree, known, moved]
+                kernel, inputs = self._kernels.fit_leaves, [self._tree, known, moved, stray]
             launch(kernel, size, inputs, [self._contents], self._device)
             first += size
         mesh = [surface.tri_indices, surface.world, self._tree, surface.cloth_tris]
-        inputs = [*mesh, moved, anew, known, self._contents]
+        inputs = [*mesh, moved, anew, known, stray, self._contents]
         launch(self._kernels.search_tree, surface.tri_count, inputs, [pairs], self._device)
 
     def _shape(self, orders: Sequence[np.ndarray], levels: Sequence[np.ndarray], triangles: np.ndarray) -> Any:
