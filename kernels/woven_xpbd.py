@@ -72,7 +72,9 @@ def solve_triangles(
         w_1 = wp.dot(e, g_1)
         w_2 = wp.dot(e, g_2)
         compliance = w_0 * w_0 * m[0] + w_1 * w_1 * m[1] + w_2 * w_2 * m[2]
-        old = (kept * dt * dt) * yarn_force_out[4 * i + yarn]
+        old = vec3()
+        if kept > real(0.0):
+            old = (kept * dt * dt) * yarn_force_out[4 * i + yarn]
         moved = w_1 * (moved_1 - moved_0) + w_2 * (moved_2 - moved_0) + compliance * old
         d = w_1 * first + w_2 * second + moved
         k = stiffness_of(woven.stiffness[t], yarn)

@@ -64,7 +64,9 @@ def solve_springs(
     q = spring_ends[s][1]
     w_p = particle_inv_mass[p]
     w_q = particle_inv_mass[q]
-    old = (kept * dt * dt) * spring_force_out[s]
+    old = vec3()
+    if kept > real(0.0):  # of what there was before nothing is read where nothing counts: it may be of another run
+        old = (kept * dt * dt) * spring_force_out[s]
     moved = displacement_out[q] - displacement_out[p] + (w_p + w_q) * old
     impulse = spring_impulse(particle_q[q] - particle_q[p] + moved, moved, spring_law[s], w_p + w_q, dt)
     displacement_out[p] = displacement_out[p] + w_p * (impulse - old)

@@ -51,7 +51,9 @@ def solve_blocks(
         w_q = real_at(particle_inv_mass, q)
         moved_p = vector_at(displacement_out, p)
         moved_q = vector_at(displacement_out, q)
-        old = share * vector_at(spring_force_out, s)
+        old = vec3()
+        if kept > real(0.0):
+            old = share * vector_at(spring_force_out, s)
         moved = moved_q - moved_p + (w_p + w_q) * old
         d = vector_at(particle_q, q) - vector_at(particle_q, p) + moved
         impulse = spring_impulse(d, moved, vector_at(spring_law, s), w_p + w_q, dt)

@@ -34,7 +34,8 @@ _SOLVE = for_cpu(f"""
         R* force = spring_force_out.data + {3 * LANES} * (long long)e;
         const V elastic = elasticity * k_s, viscous = viscosity * k_d;
         const V w_p = load(w + i), w_q = load(w + j), both = w_p + w_q;
-        const V ox = share * load(force), oy = share * load(force + {LANES}), oz = share * load(force + {2 * LANES});
+        auto before = [&](int row) {{ return kept > 0 ? share * load(force + {LANES} * row) : (V)0; }};
+        const V ox = before(0), oy = before(1), oz = before(2);
         const V px = load(mx + i), py = load(my + i), pz = load(mz + i);
         const V sx = load(mx + j) - px + both * ox, sy = load(my + j) - py + both * oy;
         const V sz = load(mz + j) - pz + both * oz;

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import trimesh
 
 import warpcloth as wc
 from warpcloth.integrators.colouring import grouped, particle_colours, spring_colours
@@ -191,6 +192,26 @@ def test_reset_forgets_the_steps_before():
             sim.integrator.reset()
         sim.step(0.05)
         assert np.array_equal(sim.state.particle_q.numpy(), first) == forget
+
+
+@pytest.mark.filterwarnings("ignore::warpcloth.errors.FabricWarning")
+@pytest.mark.parametrize("kind", ["grid", "mesh", "woven"])
+@pytest.mark.parametrize("options", [{}, {"spans": False}, {"warm_start": 0.5}], ids=str)
+def test_forces_of_the_step_before_are_kept_only_if_they_count(kind, options):
+    """What no step begins with needs no copy for frames that are done again; whatever is there is not looked at."""
+    cloth = wc.Cloth.grid((1.0, 1.0), (12, 12), pins=[0])
+    if kind != "grid":
+        ball = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
+        cloth = wc.Cloth.from_mesh(ball, pins=[0], springs="woven" if kind == "woven" else "fitted")
+    expects, ends = "warm_start" in options, []
+    for there in (0.0, 1e-3 if expects else float("nan")):
+        sim = wc.Simulation(wc.Model.build(cloth), "xpbd", substeps=2, integrator_options=options)
+        for force in (*(sweep.flat_force for sweep in sim.integrator.sweeps), sim.integrator._triangle_force):
+            force.fill_(there)
+        sim.step(0.01)
+        ends.append(sim.state.particle_q.numpy())
+    assert bool(sim.integrator.memory()) == expects
+    assert np.array_equal(*ends) != expects
 
 
 @every_scheme

@@ -108,8 +108,10 @@ class Xpbd(PositionStep):
         fill(self._triangle_force)
 
     def memory(self) -> Sequence[Memory]:
-        """The spring forces of the previous step, besides what they did; those in lanes last, as not all models have
-        them."""
+        """The spring forces of the previous step and what they did, if any of it is expected again; those in lanes
+        last, as not all models have them."""
+        if self.warm_start == 0.0:
+            return super().memory()
         corners = np.concatenate([np.zeros(0, int), *(np.repeat(corner, YARNS) for corner in self.triangles.corner)])
         springs = [sweep.memory() for sweep in reversed(self.sweeps)]
         return [*super().memory(), Memory(self._triangle_force, corners), *springs]
