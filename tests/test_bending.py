@@ -5,6 +5,7 @@ import functools
 
 import numpy as np
 import pytest
+import trimesh
 import warp as wp
 from test_hessians import dense_matrix, force_slope, linearization, product
 
@@ -50,6 +51,7 @@ SHAPES = {
     "grid": lambda fabric: wc.Cloth.grid((0.6, 0.5), (6, 5), fabric),
     "disc": lambda fabric: wc.Cloth.disc(0.3, 3, fabric),
     "arch": arch,
+    "ball": lambda fabric: wc.Cloth.from_mesh(trimesh.creation.icosphere(subdivisions=1, radius=0.3), fabric),
 }
 
 
@@ -110,6 +112,14 @@ def test_quadratic_surfaces_have_their_curvature_and_are_in_equilibrium_inside(n
     assert np.abs(values[:, None] - np.array(form)).min(axis=1).max() < 1e-9
     forces = matrix_of(elements, len(points)) @ heights
     assert np.abs(forces[np.linalg.norm(points, axis=1) < 0.13]).max() < 1e-9 * np.abs(forces).max()
+
+
+@pytest.mark.parametrize("triangles", [[[0, 1, 2]], [[0, 1, 2], [3, 4, 5]]], ids=["one", "two apart"])
+def test_single_triangles_do_not_bend(triangles):
+    loose = TriangleMesh(np.vstack([np.eye(3), 2.0 + np.eye(3)])[: 3 * len(triangles)], np.array(triangles))
+    cloth = wc.Cloth.from_mesh(loose, wc.library_fabric("cotton"))
+    assert len(cloth.bending) == 0
+    wc.Simulation(wc.Model.build(cloth), "xpbd").step(0.01)
 
 
 def test_energy_of_an_inner_piece_is_that_of_the_sheet():

@@ -108,6 +108,8 @@ class BendingElements:
         What the rest shape gives d along the tangents is taken out of w, so that d is along the normal there; without
         rest curvature and slip the tangents are left out, which makes elements smaller.
         """
+        if len(stiffness) == 0:
+            return BendingElements.none()
         count = len(points)
         keys, place = np.unique(np.asarray(element, np.int64) * count + particle, return_inverse=True)
         element, particle = np.divmod(keys, count)
@@ -121,9 +123,10 @@ class BendingElements:
         )
         flat = np.abs(curvature) * size < FLAT
         curvature[flat] = 0.0
-        along = np.where(flat, 0.0, np.einsum("ij,ij->i", d, t1))[element]
-        across = np.where(flat, 0.0, np.einsum("ij,ij->i", d, t2))[element]
-        weights[:, 0] -= along * weights[:, 1] + across * weights[:, 2]
+        level = np.linalg.norm(d, axis=1) * size < FLAT  # not so the twist of a ball, which has no curvature either
+        for column, tangent in enumerate((t1, t2), start=1):
+            along = np.where(level, 0.0, np.einsum("ij,ij->i", d, tangent))
+            weights[:, 0] -= along[element] * weights[:, column]
         weights[(flat & (slip_moment == 0.0))[element], 1:] = 0.0
         largest = np.stack([_largest(element, np.abs(column), e) for column in weights.T], axis=1)[element]
         keep = np.any(np.abs(weights) > 1e-9 * largest, axis=1)

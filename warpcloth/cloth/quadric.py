@@ -119,7 +119,7 @@ def _widened(rings: np.ndarray, thin: np.ndarray) -> np.ndarray:
     own = np.arange(count)[:, None]
     first = np.stack([np.broadcast_to(own, rings.shape).ravel(), rings.ravel()], axis=1)
     few = np.flatnonzero(thin)
-    reached = rings[rings[few]].reshape(len(few), -1)
+    reached = rings[rings[few]].reshape(len(few), rings.shape[1] ** 2)
     second = np.stack([np.repeat(few, reached.shape[1]), reached.ravel()], axis=1)
     pairs = np.concatenate([first, second])
     return _padded(count, pairs[pairs[:, 0] != pairs[:, 1]])
