@@ -1,13 +1,14 @@
-"""Forces smoothed so that bending does not limit an explicit step; see ``kernels/bending_filter.py``."""
+"""Bending forces smoothed so that they do not limit an explicit step; see ``kernels/bending_filter.py``."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..forces import Bending, Forces
-from ..launching import launch
+from ..launching import fill, launch
 from ..model import Model
 from ..stability import bending_rates
 from ..state import State
@@ -44,15 +45,19 @@ class BendingFilter:
         most = damped + np.sqrt(damped**2 + stiff * z)
         return float((z / most[most > 0.0]).min(initial=math.inf))
 
-    def apply(self, state: State, forces: Forces, dt: float, scratch: tuple[wp.array, wp.array, wp.array]) -> None:
-        """Smooths ``state.particle_f`` for a step of dt [s], if bending is among the forces.
+    def accumulate(self, state: State, forces: Forces, dt: float, scratch: Sequence[wp.array]) -> None:
+        """Adds the force of bending [N], if it is among the forces, to ``state.particle_f``, smoothed for a step of
+        dt [s].
 
-        Overwrites the arrays of ``scratch``, vec3, shape [particle_count].
+        Overwrites the four arrays of ``scratch``, vec3, shape [particle_count].
         """
-        most, bending = self.stages(dt), next((term for term in forces.terms if isinstance(term, Bending)), None)
-        if most == 1 or bending is None:
+        bending = next((term for term in forces.terms if isinstance(term, Bending)), None)
+        if bending is None:
             return
-        kernels = self._model.kernels.bending_filter
+        kernels, most = self._model.kernels.bending_filter, self.stages(dt)
+        force, before, now, product = scratch
+        fill(force)
+        bending.accumulate(State(state.particle_q, state.particle_qd, force, state.world_time), 0.0)
         launch(
             kernels.count_stages,
             dim=self._model.world_count,
@@ -60,13 +65,12 @@ class BendingFilter:
             outputs=[self._stages],
             device=self._model.device,
         )
-        before, now, product = scratch
-        self._launch(kernels.begin, [state.particle_f], [before, now, product])
+        self._launch(kernels.begin, [force], [before, now, product])
         for stage in range(2, most + 1):
             bending.resist(now, dt, product)
-            self._launch(kernels.improve, [state.particle_f, now, stage], [before, product])
+            self._launch(kernels.improve, [force, now, stage], [before, product])
             before, now = now, before
-        self._launch(kernels.end, [now], [state.particle_f])
+        self._launch(kernels.end, [force, now], [state.particle_f])
 
     def _launch(self, kernel: wp.Kernel, inputs: list[Any], outputs: list[wp.array]) -> None:
         """One thread per particle."""

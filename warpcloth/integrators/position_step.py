@@ -26,9 +26,9 @@ class PositionStep(Integrator):
     """A step h solved for the displacement δ of each particle: m (δ − δ̂)/h² = spring forces at the end of the step.
 
     δ̂ = h v + h² f/m holds gravity and all forces but ``solved_forces``, evaluated at the start of the step. Woven
-    triangles that a scheme does not solve for are among them, and limit its step. Bending does not: where it would, f
-    is smoothed (``kernels/bending_filter.py``), but in differentiable models. The solution begins at δ̂ plus the share
-    ``warm_start`` of what springs did in the previous step.
+    triangles that a scheme does not solve for are among them, and limit its step. Bending does not: where it would, its
+    force is smoothed (``kernels/bending_filter.py``), but in differentiable models. The solution begins at δ̂ plus the
+    share ``warm_start`` of what springs did in the previous step.
     """
 
     implicit = True
@@ -57,10 +57,10 @@ class PositionStep(Integrator):
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
-        forces.evaluate(state_in, without=self.solved_forces)
-        if self._bending_filter is not None:
-            scratch = (self.displacement, state_out.particle_qd, state_out.particle_f)  # none of it is in use yet
-            self._bending_filter.apply(state_in, forces, dt, scratch)
+        forces.evaluate(state_in, without=(*self.solved_forces, *self.filtered_forces))
+        if self._bending_filter is not None:  # none of these arrays is in use yet
+            scratch = (self.displacement, state_out.particle_q, state_out.particle_qd, state_out.particle_f)
+            self._bending_filter.accumulate(state_in, forces, dt, scratch)
         self.predict(model, state_in, state_out, dt)
         self.finish(model, state_in, state_out, self._solve(model, state_in, forces, dt), dt)
 
