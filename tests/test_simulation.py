@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 import warpcloth as wc
 from warpcloth.errors import DivergedError, InputError, SimulationError, StabilityWarning
+from warpcloth.integrators import INTEGRATORS
 from warpcloth.kinematics import MovingPins, drive_pins, make_tracks
 from warpcloth.stability import fastest_rates, largest_stable_step
 
@@ -198,3 +199,14 @@ def test_misuse_is_one_sentence():
         assert "\n" not in str(error.value)
     with pytest.raises(InputError):
         wc.Simulation(model).step(0.0)
+
+
+@pytest.mark.parametrize("substeps", [1, 2])
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_forces_of_the_latest_evaluation_are_in_the_state(name, substeps):
+    cloth = wc.Cloth.grid((0.4, 0.4), (6, 6), wc.library_fabric("denim"))
+    model = wc.Model.build(cloth, precision="float64")
+    sim = wc.Simulation(model, name, substeps=substeps, contact="none")
+    sim.run(2, fps=1e4)  # falling, so that gravity is all there is
+    weight = np.outer(model.particle_mass.numpy(), (0.0, 0.0, -9.81))
+    np.testing.assert_allclose(sim.state.particle_f.numpy(), weight, atol=1e-6 * np.abs(weight).max())

@@ -19,7 +19,7 @@ from .hooks import Hook
 from .integrators import make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
-from .launching import launch, records
+from .launching import copy, launch, records
 from .lookout import Lookout
 from .model import Model
 from .recording import missed_pairs, recordable_substeps
@@ -202,7 +202,7 @@ class Simulation:
         """One step of the integrator, dt [s], without what :meth:`step` does for whole frames: no automatic substeps,
         no checks, no contact among cloths; ``time`` stays, the worlds' clocks go on. For gradients."""
         self._substep(self.state, self._other, dt)
-        self.state.copy_from(self._other)
+        self._end(self._other)
 
     def substeps_for(self, dt: float) -> int:
         """How many substeps a frame of dt [s] from here takes."""
@@ -291,8 +291,14 @@ class Simulation:
                 now, later = later, now
             with self.watch.stage("guard"):
                 self.contact.end(now, span)
-        if now is not self.state:
-            self.state.copy_from(now)
+        self._end(now)
+
+    def _end(self, end: State) -> None:
+        """Puts the end of the last step into ``state``, with the forces of the latest evaluation."""
+        own = self.state.particle_q, self.state.particle_qd, self.state.particle_f
+        for array, source in zip(own, (end.particle_q, end.particle_qd, self.forces.latest), strict=True):
+            if source is not None and source is not array:
+                copy(array, source)
 
     def _substep(self, now: State, later: State, dt: float) -> None:
         later.forces_current = False

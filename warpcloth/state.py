@@ -32,7 +32,8 @@ class State:
     Attributes:
         particle_q: positions [m], shape [particle_count], vec3 of the model's precision.
         particle_qd: velocities [m/s], shape [particle_count].
-        particle_f: forces of the latest evaluation [N], shape [particle_count].
+        particle_f: forces of the latest evaluation [N], shape [particle_count]: wherever in a step that was, and
+            without those that a scheme solves for itself (springs, in position-based ones).
         world_time: time [s], shape [world_count], float64.
         forces_current: whether ``particle_f`` is the force at these very positions and velocities, so that the next
             step need not evaluate it again. Set by the integrator; whoever changes the state clears it.

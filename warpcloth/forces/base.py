@@ -132,6 +132,7 @@ class Forces:
 
     Attributes:
         blocks: where :meth:`linearize` writes matrices down; None: nowhere.
+        latest: the array [N] that the latest :meth:`evaluate` has written to; None: there was none.
     """
 
     def __init__(self, model: Model, terms: Sequence[ForceTerm], world_gravity: wp.array):
@@ -140,6 +141,7 @@ class Forces:
         self.world_gravity = world_gravity
         self.evaluations = 0
         self.blocks: Blocks | None = None
+        self.latest: wp.array | None = None
         self._linearized: Linearization | None = None
 
     @property
@@ -171,6 +173,7 @@ class Forces:
         """
         model = self.model
         self.evaluations += 0 if without else 1
+        self.latest = state.particle_f
         terms = [term for term in self.terms if term.name not in without]
         if terms and isinstance(terms[0], Opening) and terms[0].begin(state, self.world_gravity):
             terms = terms[1:]

@@ -39,7 +39,9 @@ class UndampedScheme(ImplicitScheme):
             return
         self._look(model, state_in)
         self._smooth_step(model, state_in, state_out, forces, dt, self._smooth)
+        evaluated = forces.latest
         only_if(self._any, lambda: self._damped_step(model, state_in, state_out, forces, dt))
+        forces.latest = evaluated  # always there, as the damped step is not
         end = self._end
         inputs = [model.particle_world, state_out.particle_q, state_out.particle_qd, dt]
         self._launch(model, "keep_end", inputs, [end.particle_q, end.particle_qd, self._past_dt])
