@@ -126,3 +126,27 @@ def drive_pins(
     v = pose.velocity + wp.cross(angular_velocity(pose.rotation, pose.rotation_rate), arm)
     particle_q_out[i] = vec3(real(x[0]), real(x[1]), real(x[2]))
     particle_qd_out[i] = vec3(real(v[0]), real(v[1]), real(v[2]))
+
+
+@wp.kernel
+def lead_pins(
+    # Model
+    particle_inv_mass: wp.array(dtype=real),
+    pin_particle: wp.array(dtype=wp.int32),
+    # State in
+    pin_place: wp.array(dtype=wp.vec3d),
+    pin_velocity: wp.array(dtype=vec3),
+    time_offset: wp.float64,
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """Puts led pins where they are ``time_offset`` [s] after they were at their places; not what is not held."""
+    k = wp.tid()
+    i = pin_particle[k]
+    if particle_inv_mass[i] > real(0.0):
+        return
+    v = pin_velocity[k]
+    x = pin_place[k] + time_offset * wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+    particle_q_out[i] = vec3(real(x[0]), real(x[1]), real(x[2]))
+    particle_qd_out[i] = v

@@ -45,29 +45,46 @@ def free_particles(
     inv_mass_out[i] = inv_mass
 
 
+@wp.func
+def is_kinematic(flags: wp.int32, inv_mass: wp.float32):
+    """Whether a particle goes on at its velocity: active, and without inverse mass."""
+    return (flags & ACTIVE) != 0 and inv_mass == wp.float32(0.0)
+
+
 @wp.kernel
-def carry_kinematic(
+def lead_kinematic(
     # Model
     particle_flags: wp.array(dtype=wp.int32),
     particle_inv_mass: wp.array(dtype=wp.float32),
     # State in
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
-    dt: real,
     # Out
-    particle_q_out: wp.array(dtype=vec3),
+    place_out: wp.array(dtype=wp.vec3d),
+    velocity_out: wp.array(dtype=vec3),
+):
+    """Where particles are, and at what velocity they go on if they are held: those that are not active stay."""
+    i = wp.tid()
+    x = particle_q[i]
+    place_out[i] = wp.vec3d(wp.float64(x[0]), wp.float64(x[1]), wp.float64(x[2]))
+    velocity_out[i] = vec3()
+    if is_kinematic(particle_flags[i], particle_inv_mass[i]):
+        velocity_out[i] = particle_qd[i]
+
+
+@wp.kernel
+def keep_velocities(
+    # Model
+    particle_flags: wp.array(dtype=wp.int32),
+    # State in
+    particle_qd: wp.array(dtype=vec3),
+    # Out
     particle_qd_out: wp.array(dtype=vec3),
 ):
-    """Active particles without inverse mass go on at their velocity; those that are not active stay, with theirs."""
+    """Particles that are not active keep their velocity, though they stay."""
     i = wp.tid()
-    active = (particle_flags[i] & ACTIVE) != 0
-    if active and particle_inv_mass[i] != wp.float32(0.0):
-        return
-    way = vec3()
-    if active:
-        way = dt * particle_qd[i]
-    particle_q_out[i] = particle_q[i] + way
-    particle_qd_out[i] = particle_qd[i]
+    if (particle_flags[i] & ACTIVE) == 0:
+        particle_qd_out[i] = particle_qd[i]
 
 
 @wp.func

@@ -58,6 +58,7 @@ def predict(
 @wp.kernel
 def displace_pins(
     # Model
+    particle_inv_mass: wp.array(dtype=real),
     pin_particle: wp.array(dtype=wp.int32),
     # State in
     particle_q: wp.array(dtype=vec3),
@@ -67,7 +68,8 @@ def displace_pins(
 ):
     """Displacement of driven pins over the step."""
     i = pin_particle[wp.tid()]
-    displacement_out[i] = particle_q_end[i] - particle_q[i]
+    if particle_inv_mass[i] == real(0.0):
+        displacement_out[i] = particle_q_end[i] - particle_q[i]
 
 
 @wp.kernel

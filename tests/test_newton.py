@@ -161,6 +161,20 @@ def test_any_integrator_steps_a_newton_model(name):
     np.testing.assert_array_equal(end[[0, 8, 40]], start[[0, 8, 40]])
 
 
+@pytest.mark.parametrize("name", ["xpbd", "vbd", "implicit_euler", "velocity_verlet"])
+def test_what_flies_along_with_massless_particles_is_not_pulled_at(name):
+    """To the rounding of float32: a scheme knows where they are within its step, and how fast."""
+    builder, v = newton.ModelBuilder(gravity=(0.0, 0.0, 0.0)), np.array([1.0, 0.5, 0.2])
+    cloth = wc.Cloth.grid((0.4, 0.4), (9, 9), FABRIC, pins=[0, 8], transform=(0, 0, 1), velocity=v)
+    add_cloth(builder, cloth)
+    model = builder.finalize(device="cpu")
+    model.particle_qd.assign(np.tile(v, (81, 1)))
+    end = roll_out(model, SolverMassSpring(model, name, substeps=10), 20, 0.01).particle_q.numpy()
+    np.testing.assert_allclose(end - model.particle_q.numpy(), np.tile(0.2 * v, (81, 1)), atol=5e-5)
+    ends, rest = cloth.springs.indices, cloth.springs.rest_lengths
+    assert np.abs(np.linalg.norm(end[ends[:, 1]] - end[ends[:, 0]], axis=1) / rest - 1.0).max() < 1e-4
+
+
 @pytest.mark.parametrize("name", ["symplectic_euler", "xpbd", "bdf2"])
 def test_reset_with_a_world_mask(name):
     model = finished(newton_grid, worlds=3)

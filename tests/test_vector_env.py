@@ -37,6 +37,38 @@ def test_handles_go_where_actions_lead_them():
     assert np.abs(strain).max() < 0.2  # the cloth came along
 
 
+@pytest.mark.parametrize(
+    ("scheme", "substeps"),
+    [("xpbd", 4), ("vbd", 4), ("projective_dynamics", 4), ("pbd", 4), ("implicit_euler", 2), ("implicit_midpoint", 2),
+     ("bdf2", 2), ("linear_implicit_euler", 2), ("velocity_verlet", 20), ("rk4", 20), ("pefrl", 20)],
+)  # fmt: skip
+def test_what_flies_along_with_its_handles_is_not_pulled_at(scheme, substeps):
+    """At one velocity nothing is strained, to rounding: within a step handles are where they are then, and move."""
+    v = np.array([1.0, 0.5, 0.2])
+    cloth = wc.Cloth.grid((0.4, 0.4), (5, 5), pins=["top_left", "top_right"], transform=(0, 0, 1), velocity=v)
+    options = {"integrator": scheme, "substeps": substeps, "gravity": (0, 0, 0), "precision": "float64"}
+    e = VectorEnv([cloth], worlds=1, dt=0.01, device="cpu", **options)
+    for _ in range(5):
+        e.step(np.tile(v, (1, 2, 1)))
+    np.testing.assert_allclose(e.positions.numpy()[0], cloth.points + 0.05 * v, atol=1e-12)
+    assert e.simulation.metrics()["max_strain"] < 1e-12
+
+
+def test_slow_handles_get_there_and_may_be_put_elsewhere():
+    """By a tenth of a micrometre a step, a metre from the origin: less than float32 tells."""
+    cloth = wc.Cloth.grid((0.4, 0.4), (5, 5), pins=["top_left"], transform=(1.2, 0.0, 1.2))
+    e = VectorEnv([cloth], worlds=1, integrator="xpbd", substeps=40, device="cpu")
+    start, a = e.positions.numpy()[0, 20].copy(), np.array([[[0.0, 0.0, 2e-4]]])
+    for shift in (0.0, 0.05):
+        positions = e.positions.numpy()
+        start[1] += shift
+        positions[0, 20] = start
+        e.positions.assign(positions)
+        for _ in range(60):
+            e.step(a)
+        np.testing.assert_allclose(e.positions.numpy()[0, 20] - start, [0.0, 0.0, 2e-4], atol=2e-7)
+
+
 def test_a_world_is_what_it_would_be_alone():
     many, a = env(3), actions(3)
     for _ in range(4):

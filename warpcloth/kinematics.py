@@ -63,20 +63,41 @@ class MovingPins:
         )
 
 
+@dataclass(eq=False)
+class LedPins:
+    """Pinned particles that somebody leads: in each step they go on from a place at a velocity, both written before it.
+
+    Attributes:
+        particle: their numbers, int32, shape [pin_count]; those that are not held are left alone.
+        place: positions at the start of the step [m], vec3d: in steps of a millisecond slow pins would not move at all
+            in float32.
+        velocity: during the step [m/s], vec3.
+    """
+
+    particle: wp.array
+    place: wp.array
+    velocity: wp.array
+
+    @staticmethod
+    def of(particles: np.ndarray, positions: wp.array) -> "LedPins":
+        """Pins at rest at the ``positions`` [m] of particles of these numbers."""
+        numbers, device = np.asarray(particles, np.int32), positions.device
+        return LedPins(
+            wp.array(numbers, dtype=wp.int32, device=device),
+            wp.array(positions.numpy()[numbers].astype(np.float64), dtype=wp.vec3d, device=device),
+            wp.zeros(len(numbers), dtype=positions.dtype, device=device),
+        )
+
+
 def drive_pins(
     model: "Model", world_time: wp.array, time_offset: float, particle_q: wp.array, particle_qd: wp.array
 ) -> None:
-    """Positions and velocities of moving pins at the worlds' time plus ``time_offset`` [s]."""
-    pins = model.moving_pins
-    if len(pins.particle) == 0:
-        return
-    launch(
-        model.kernels.motion.drive_pins,
-        dim=len(pins.particle),
-        inputs=[
-            model.particle_world, pins.particle, pins.track, pins.rest, pins.pivot, model.tracks,
-            world_time, time_offset,
-        ],
-        outputs=[particle_q, particle_qd],
-        device=model.device,
-    )  # fmt: skip
+    """Positions and velocities of moving pins, ``time_offset`` [s] after the start of a step at the worlds' time."""
+    pins, led, kernels = model.moving_pins, model.led_pins, model.kernels.motion
+    outputs = [particle_q, particle_qd]
+    if len(pins.particle) > 0:
+        inputs = [model.particle_world, pins.particle, pins.track, pins.rest, pins.pivot, model.tracks]
+        launch(kernels.drive_pins, len(pins.particle), [*inputs, world_time, time_offset], outputs, model.device)
+    if len(led.particle) > 0:
+        inputs = [model.particle_inv_mass, led.particle, led.place, led.velocity, time_offset]
+        launch(kernels.lead_pins, len(led.particle), inputs, outputs, model.device)

@@ -13,7 +13,7 @@ from .cloth.woven import WovenTriangles
 from .collision_shapes import CollisionShapes
 from .errors import InputError
 from .kernels import KernelSet, variant_name
-from .kinematics import MovingPins, make_tracks
+from .kinematics import LedPins, MovingPins, make_tracks
 from .launching import launch
 from .model_parts import Parts, parts_of_network, parts_of_worlds
 from .obstacles import Obstacle
@@ -60,7 +60,7 @@ class Model:
             particle_bend_elements: the entries of each particle in rising order, and their elements (compressed rows).
         woven: triangles with springs along their yarns, a struct of arrays (``kernels/woven.py``), woven_count of them.
             particle_woven_start, particle_woven_ids: rows of their corners, as above.
-        moving_pins, tracks: prescribed motions. shapes: obstacles.
+        moving_pins, tracks: prescribed motions. led_pins: pins led step by step, none at first. shapes: obstacles.
         cloths: a :class:`ClothRange` for each cloth.
         differentiable: whether the kernels have adjoints.
     """
@@ -268,6 +268,7 @@ class Model:
                 motions.append(obstacle.motion)
         self.tracks = make_tracks(self.kernels, motions, self.device)
         self.moving_pins = MovingPins.of(pins, self.device)
+        self.led_pins = LedPins.of(np.zeros(0), self.particle_q)
         self.shapes = CollisionShapes(self.kernels, rows, self.world_count, self.device)
 
 

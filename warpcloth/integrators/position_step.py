@@ -75,16 +75,16 @@ class PositionStep(Integrator):
             ],
             [self.inertial, self.displacement, state_out.particle_q, state_out.particle_qd],
         )  # fmt: skip
-        pins = model.moving_pins.particle
-        if len(pins) > 0:
-            drive_pins(model, state_in.world_time, dt, state_out.particle_q, state_out.particle_qd)
-            launch(
-                model.kernels.position_step.displace_pins,
-                dim=len(pins),
-                inputs=[pins, state_in.particle_q, state_out.particle_q],
-                outputs=[self.displacement],
-                device=model.device,
-            )
+        drive_pins(model, state_in.world_time, dt, state_out.particle_q, state_out.particle_qd)
+        for pins in (model.moving_pins.particle, model.led_pins.particle):
+            if len(pins) > 0:
+                launch(
+                    model.kernels.position_step.displace_pins,
+                    dim=len(pins),
+                    inputs=[model.particle_inv_mass, pins, state_in.particle_q, state_out.particle_q],
+                    outputs=[self.displacement],
+                    device=model.device,
+                )
 
     def finish(self, model: Model, state_in: State, state_out: State, displacement: wp.array, dt: float) -> None:
         """The end of the step from its solution δ [m]."""

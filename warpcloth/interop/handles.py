@@ -9,13 +9,14 @@ import warp as wp
 from .. import validate
 from ..errors import InputError
 from ..hooks import Hook
+from ..kinematics import LedPins
 from ..launching import launch
 from ..model import Model
-from ..state import State
+from ..state import Memory, State
 
 
 class Handles(Hook):
-    """Leads groups of pinned particles, the same ones in each world.
+    """Leads groups of pinned particles, the same ones in each world, by way of the model's ``led_pins``.
 
     Args:
         model: the model, of worlds with equally many particles.
@@ -45,23 +46,25 @@ class Handles(Hook):
         handle = np.tile(np.repeat(np.arange(len(parts)), [len(part) for part in parts]), worlds)
         columns = (np.tile(own, worlds) + size * world, world, handle)
         self._rows = [model.array(column.astype(np.int32), wp.int32) for column in columns]
+        self._pins = model.led_pins = LedPins.of(columns[0], model.particle_q)
 
     def before_step(self, state: State, dt: float) -> None:
-        """Puts the held particles where they will be at the end of the step."""
-        self._lead(state, dt)
+        """Says where the held particles are, and how fast they go."""
+        pins = self._pins
+        outputs = [pins.place, pins.velocity, state.particle_qd]
+        self._launch("take_hold", [*self._rows, self.velocity, state.particle_q], outputs)
 
-    def after_integration(self, start: State, end: State, dt: float) -> None:
-        """Gives them their velocities again, which some schemes take for 0."""
-        self._lead(end, 0.0)
+    def after_step(self, start: State, end: State, dt: float) -> None:
+        """They have gone on."""
+        self._launch("go_on", [self._pins.velocity, dt], [self._pins.place])
 
-    def _lead(self, state: State, dt: float) -> None:
-        launch(
-            self.model.kernels.handles.lead,
-            dim=len(self._rows[0]),
-            inputs=[*self._rows, self.velocity, dt],
-            outputs=[state.particle_q, state.particle_qd],
-            device=self.model.device,
-        )
+    def memory(self) -> Sequence[Memory]:
+        """Their places, more precisely than the state has them."""
+        return [Memory(self._pins.place, self._pins.particle.numpy())]
+
+    def _launch(self, kernel: str, inputs: list[Any], outputs: list[wp.array]) -> None:
+        function = getattr(self.model.kernels.handles, kernel)
+        launch(function, len(self._pins.particle), inputs, outputs, self.model.device)
 
 
 def _checked(row: Any, what: str, held: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ import numpy as np
 import warp as wp
 
 from ...errors import InputError
+from ...kinematics import LedPins
 from ...model import Model
 from ...model_parts import parts_of_network
 
@@ -53,6 +54,7 @@ class Network(Model):
         if springs:
             self.spring_rest_length = source.spring_rest_length
             self.spring_indices = source.spring_indices.reshape((-1, 2)).view(wp.vec2i)
+        self.led_pins = LedPins.of(np.arange(self.particle_count), self.particle_q)  # whichever are held at the time
         self.refresh()
 
     def refresh(self) -> None:

@@ -145,15 +145,13 @@ class SolverMassSpring(newton.solvers.SolverBase):
 
     def _substep(self, now: State, later: State, h: float, planes: ContactPlanes | None, elapsed: float) -> None:
         network, source = self.network, self.model
+        kernels, count, led = network.kernels.newton_particles, network.particle_count, network.led_pins
         now.forces_current = False
+        inputs = [source.particle_flags, source.particle_inv_mass, now.particle_q, now.particle_qd]
+        wp.launch(kernels.lead_kinematic, count, inputs, [led.place, led.velocity], device=network.device)
         self.integrator.step(network, now, later, self.forces, h)
-        wp.launch(
-            network.kernels.newton_particles.carry_kinematic,
-            dim=network.particle_count,
-            inputs=[source.particle_flags, source.particle_inv_mass, now.particle_q, now.particle_qd, h],
-            outputs=[later.particle_q, later.particle_qd],
-            device=network.device,
-        )
+        inputs = [source.particle_flags, now.particle_qd]
+        wp.launch(kernels.keep_velocities, count, inputs, [later.particle_qd], device=network.device)
         if planes is not None:
             planes.respond(now, later, h, elapsed)
         wp.launch(
