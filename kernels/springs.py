@@ -106,6 +106,23 @@ def arrange_law(
 
 
 @wp.kernel
+def take_law(
+    # Model
+    thread_offset: int,
+    spring_order: wp.array(dtype=wp.int32),
+    first: wp.array(dtype=real),
+    second: wp.array(dtype=real),
+    third: wp.array(dtype=real),
+    # Out
+    spring_law_out: wp.array(dtype=vec3),
+):
+    """Three properties of springs in another order."""
+    j = thread_offset + wp.tid()
+    s = spring_order[j]
+    spring_law_out[j] = vec3(first[s], second[s], third[s])
+
+
+@wp.kernel
 def arrange_lanes(
     # Model
     thread_offset: int,

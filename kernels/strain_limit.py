@@ -151,7 +151,7 @@ def limit_springs(
     particle_q_out: wp.array(dtype=vec3),
     particle_qd_out: wp.array(dtype=vec3),
 ):
-    """Solves the springs of one colour for what the law adds in a step; ``limit_law`` has (r (1 + ε_L), k_L/r, 0).
+    """Solves the springs of one colour for what the law adds in a step; ``limit_law`` has (r, ε_L, k_L).
 
     For schemes that take all forces but springs as they were at the start of a step, at which k_L would be unstable. A
     spring alone is solved exactly, as implicit Euler has it: h J = K (|d| − r (1 + ε_L))/(1 + K W) with K = h² k_L/r
@@ -163,9 +163,10 @@ def limit_springs(
     w_p = particle_inv_mass[p]
     w_q = particle_inv_mass[q]
     d = particle_q_out[q] - particle_q_out[p]
-    beyond = wp.length(d) - limit_law[s][0]
-    if beyond > real(0.0) and limit_law[s][1] > real(0.0):
-        elastic = dt * dt * limit_law[s][1]
+    law = limit_law[s]
+    beyond = wp.length(d) - law[0] * (real(1.0) + law[1])
+    if beyond > real(0.0) and law[2] > real(0.0):
+        elastic = dt * dt * law[2] / law[0]
         move = (elastic * beyond / (real(1.0) + elastic * (w_p + w_q))) * direction(d)
         particle_q_out[p] = particle_q_out[p] + w_p * move
         particle_q_out[q] = particle_q_out[q] - w_q * move

@@ -78,7 +78,7 @@ def solve_springs(
 def project_springs(
     # Model
     spring_ends: wp.array(dtype=wp.vec2i),
-    spring_rest_length: wp.array(dtype=real),
+    spring_law: wp.array(dtype=vec3),
     spring_factor: wp.array(dtype=real),
     particle_inv_mass: wp.array(dtype=real),
     # State in
@@ -86,7 +86,8 @@ def project_springs(
     # Out
     displacement_out: wp.array(dtype=vec3),
 ):
-    """Moves the ends of each spring by the share ``spring_factor`` [0, 1] of what restores its rest length.
+    """Moves the ends of each spring by the share ``spring_factor`` [0, 1] of what restores its rest length, the first
+    of its ``spring_law``.
 
     Position-based dynamics of Müller et al. (2007): a share, not a stiffness; masses only weight the two ends.
     """
@@ -98,6 +99,6 @@ def project_springs(
     total = w_p + w_q
     if total > real(0.0):
         d = particle_q[q] - particle_q[p] + displacement_out[q] - displacement_out[p]
-        correction = (spring_factor[s] * (wp.length(d) - spring_rest_length[s]) / total) * direction(d)
+        correction = (spring_factor[s] * (wp.length(d) - spring_law[s][0]) / total) * direction(d)
         displacement_out[p] = displacement_out[p] + w_p * correction
         displacement_out[q] = displacement_out[q] - w_q * correction

@@ -210,3 +210,24 @@ def test_forces_of_the_latest_evaluation_are_in_the_state(name, substeps):
     sim.run(2, fps=1e4)  # falling, so that gravity is all there is
     weight = np.outer(model.particle_mass.numpy(), (0.0, 0.0, -9.81))
     np.testing.assert_allclose(sim.state.particle_f.numpy(), weight, atol=1e-6 * np.abs(weight).max())
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_springs_that_change_between_frames_are_taken_over(name):
+    """Rest lengths, stiffness and limits that are written to in place, as if the simulation were built after that."""
+    cloth = wc.Cloth.grid((0.4, 0.4), (6, 6), wc.Fabric(strain_limit=0.02), pins="top")
+    ends = []
+    for late in (True, False):
+        model = wc.Model.build(cloth, precision="float64")
+        options = {"integrator_options": INTEGRATORS[name].convergence_options, "contact": "none"}
+        sim = wc.Simulation(model, name, substeps=40, **options) if late else None
+        if sim is not None:
+            sim.step(1 / 60)
+            sim.reset()
+        model.spring_rest_length.assign(0.97 * model.spring_rest_length.numpy())
+        model.spring_stiffness.assign(0.5 * model.spring_stiffness.numpy())
+        model.spring_limit_stiffness.assign(2.0 * model.spring_limit_stiffness.numpy())
+        sim = sim or wc.Simulation(model, name, substeps=40, **options)
+        sim.run(3)
+        ends.append(sim.state.particle_q.numpy())
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-12)

@@ -282,6 +282,9 @@ class Simulation:
         now, later = self.state, self._other
         now.forces_current = False  # the caller may have changed the state since the last frame
         self.forces.prepare()
+        self.integrator.prepare()
+        if self._limit_pass is not None:
+            self._limit_pass.prepare()
         for length in self.contact.interval_lengths(dt, substeps):
             span = length * dt / substeps
             with self.watch.stage("detect"):

@@ -73,5 +73,5 @@ def record_derived(simulation: Simulation) -> wp.Tape:
             device=model.device,
         )
         if isinstance(simulation.integrator, Xpbd):
-            simulation.integrator.read_springs(model)
+            simulation.integrator.prepare()
     return tape

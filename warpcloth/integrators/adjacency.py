@@ -5,6 +5,7 @@ import warp as wp
 
 from ..model import Model
 from .colouring import grouped
+from .spring_properties import SpringProperties
 
 
 class SpringRows:
@@ -18,7 +19,7 @@ class SpringRows:
         particles: particle numbers of each colour, int32.
         start: rows of those particles, int32, one more than there are particles, for each colour.
         other: particle at the other end, int32, shape [2 spring_count].
-        law: (r [m], k_s [N], k_d [N s]), vec3, shape [2 spring_count].
+        properties, law: (r [m], k_s [N], k_d [N s]), vec3, shape [2 spring_count].
     """
 
     def __init__(self, model: Model, colours: np.ndarray | None = None):
@@ -30,10 +31,10 @@ class SpringRows:
         this = np.concatenate([ends[:, 0], ends[:, 1]])
         rows = np.lexsort((np.tile(np.arange(len(ends)), 2), place[this]))
         start = np.concatenate([[0], np.cumsum(np.bincount(place[this], minlength=n))]).astype(np.int32)
-        columns = [a.numpy() for a in (model.spring_rest_length, model.spring_stiffness, model.spring_damping)]
-        law = np.tile(np.stack(columns, axis=1), (2, 1))
+        names = ("spring_rest_length", "spring_stiffness", "spring_damping")
+        self.properties = SpringProperties(model, rows % len(ends), names)
         self.other = model.array(np.concatenate([ends[:, 1], ends[:, 0]])[rows].astype(np.int32), wp.int32)
-        self.law = model.array(law[rows], model.vec3)
+        self.law = self.properties.values
         particles, starts = model.array(order.astype(np.int32), wp.int32), model.array(start, wp.int32)
         spans = list(zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True))
         self.particles = [particles[a:b] for a, b in spans]

@@ -58,6 +58,10 @@ class Integrator(Protocol):
 
     def __init__(self, model: Model): ...
 
+    def prepare(self) -> None:
+        """Before each frame: brings copies of what the model has up to date. Launches kernels only."""
+        return None  # a body, for type checkers take a protocol's method without one as abstract
+
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """From ``state_in`` to ``state_out``, dt [s] later: positions and velocities of all particles, pins included.
 
@@ -68,7 +72,7 @@ class Integrator(Protocol):
 
     def reset(self) -> None:
         """Forgets earlier steps (multistep history, warm starts): the next step starts from its state alone."""
-        return None  # a body, for type checkers take a protocol's method without one as abstract
+        return None
 
     def memory(self) -> Sequence[Memory]:
         """All that the next step depends on besides its state: what :meth:`reset` forgets, if it is in arrays.

@@ -1,11 +1,10 @@
 """Strain limiting for schemes that solve springs only and take all other forces as they were."""
 
-import numpy as np
-
 from ..launching import launch
 from ..model import Model
 from ..state import State
 from .colouring import SpringColours
+from .spring_properties import SpringProperties
 
 
 class LimitPass:
@@ -19,9 +18,13 @@ class LimitPass:
 
     def __init__(self, model: Model):
         self.model, self.colours = model, SpringColours(model)
-        rest = model.spring_rest_length.numpy().astype(np.float64)
-        law = [rest * (1.0 + model.spring_limit.numpy()), model.spring_limit_stiffness.numpy() / rest, 0.0 * rest]
-        self.law = self.colours.arranged(np.stack(law, axis=1), model.vec3)
+        names = ("spring_rest_length", "spring_limit", "spring_limit_stiffness")
+        self._properties = SpringProperties(model, self.colours.order, names)
+        self.law = self.colours.views(self._properties.values)
+
+    def prepare(self) -> None:
+        """Takes over properties of springs that have changed."""
+        self._properties.read()
 
     def apply(self, state: State, dt: float) -> None:
         """Changes positions and velocities at the end of a step of dt [s]."""

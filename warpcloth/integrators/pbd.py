@@ -10,6 +10,7 @@ from ..model import Model
 from ..state import State
 from .colouring import SpringColours
 from .position_step import PositionStep
+from .spring_properties import SpringProperties
 
 
 class Pbd(PositionStep):
@@ -42,16 +43,22 @@ class Pbd(PositionStep):
         self.colours = SpringColours(model)
         factor = np.where(model.spring_group.numpy() == 1, bending, stiffness)
         self.factor = self.colours.arranged(factor, model.real)
-        self.rest_length = self.colours.arranged(model.spring_rest_length.numpy(), model.real)
+        names = ("spring_rest_length", "spring_stiffness", "spring_damping")
+        self._properties = SpringProperties(model, self.colours.order, names)
+        self._law = self.colours.views(self._properties.values)
+
+    def prepare(self) -> None:
+        """Takes over rest lengths that have changed."""
+        self._properties.read()
 
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations
         for _ in range(self.iterations):
-            for ends, rest_length, factor in zip(self.colours.ends, self.rest_length, self.factor, strict=True):
+            for ends, law, factor in zip(self.colours.ends, self._law, self.factor, strict=True):
                 launch(
                     model.kernels.xpbd.project_springs,
                     dim=len(ends),
-                    inputs=[ends, rest_length, factor, model.particle_inv_mass, state_in.particle_q],
+                    inputs=[ends, law, factor, model.particle_inv_mass, state_in.particle_q],
                     outputs=[self.displacement],
                     device=model.device,
                 )

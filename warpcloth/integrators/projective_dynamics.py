@@ -66,12 +66,16 @@ class ProjectiveDynamics(PositionStep):
         solver = validate.choice(solver, SOLVERS, "solver")
         self.sweep_value = SOLVERS[solver]
         most = validate.integer(max_cg_iterations, "max_cg_iterations", minimum=1, maximum=MAX_ITERATIONS)
-        rows = SpringRows(model)
+        rows = self.rows = SpringRows(model)
         self.spare = wp.zeros_like(self.displacement)
         if solver == "cg":
             self.solver: _ByCg | _ByJacobi = _ByCg(model, rows, most)
         else:
             self.solver = _ByJacobi(model, rows, solver == "chebyshev", self.iterations)
+
+    def prepare(self) -> None:
+        """Takes over properties of springs that have changed."""
+        self.rows.properties.read()
 
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations

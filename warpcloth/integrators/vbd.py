@@ -49,6 +49,10 @@ class Vbd(PositionStep):
         self.rows = SpringRows(model, particle_colours(model.spring_indices.numpy(), model.particle_count))
         self.previous, self.before = wp.zeros_like(self.displacement), wp.zeros_like(self.displacement)
 
+    def prepare(self) -> None:
+        """Takes over properties of springs that have changed."""
+        self.rows.properties.read()
+
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:
         forces.evaluations += self.iterations
         if self.acceleration > 0.0:

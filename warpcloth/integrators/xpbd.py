@@ -95,7 +95,7 @@ class Xpbd(PositionStep):
             return super().cloth_step(cloth, size, edge)
         return 0.0142 * math.sqrt(self.iterations) * (edge / size) ** 0.25 * math.sqrt(size / STANDARD_GRAVITY)
 
-    def read_springs(self, model: Model) -> None:
+    def prepare(self) -> None:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
         for own in (*self.sweeps, *self.spans):
             own.read_springs()
