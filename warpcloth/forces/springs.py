@@ -9,12 +9,14 @@ from .. import validate
 from ..launching import launch
 from ..model import Model
 from ..state import State
+from ..watch import Watch
 from .base import Linearization
 from .lanes import in_lanes
 from .spring_rows import SpringRows
 from .spring_tiles import SpringTiles, arranged
 
 ASSEMBLIES = ("scatter", "gather")
+LAW = ("spring_rest_length", "spring_stiffness", "spring_damping")
 
 
 class Springs:
@@ -47,11 +49,12 @@ class Springs:
         self._is_left, self._left_count = left, int(np.count_nonzero(left))
         self._left = model.array(np.flatnonzero(left) if self._parts else np.zeros(0), wp.int32)  # none named: all
         self.velocity_dependent = bool(model.spring_damping.numpy().any())
+        self._watch = Watch(model, *LAW)
 
     def prepare(self) -> None:
         """Takes over properties of springs that have changed."""
-        for part in self._parts:
-            part.arrange()
+        if self._parts:
+            self._watch.if_changed(self._arrange)
 
     def begin(self, state: State, world_gravity: wp.array) -> bool:
         """Gravity and springs at once, if all are in tiles; see :class:`~warpcloth.forces.base.Opening`."""
@@ -132,12 +135,15 @@ class Springs:
 
     def parameters(self) -> dict[str, wp.array]:
         """Rest lengths [m], k_s [N] and k_d [N s], shape [spring_count]."""
-        names = ("spring_rest_length", "spring_stiffness", "spring_damping")
-        return {name: getattr(self.model, name) for name in names}
+        return {name: getattr(self.model, name) for name in LAW}
+
+    def _arrange(self) -> None:
+        for part in self._parts:
+            part.arrange()
 
     def _law(self) -> list[wp.array]:
         model = self.model
-        return [model.spring_indices, model.spring_rest_length, model.spring_stiffness, model.spring_damping]
+        return [model.spring_indices, *(getattr(model, name) for name in LAW)]
 
     def energy(self, state: State) -> dict[str, float]:
         """Energy of in-plane ("spring") and bending springs ("bending") [J]."""

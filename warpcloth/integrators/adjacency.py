@@ -3,6 +3,7 @@
 import numpy as np
 import warp as wp
 
+from ..forces.springs import LAW
 from ..model import Model
 from .colouring import grouped
 from .spring_properties import SpringProperties
@@ -31,8 +32,7 @@ class SpringRows:
         this = np.concatenate([ends[:, 0], ends[:, 1]])
         rows = np.lexsort((np.tile(np.arange(len(ends)), 2), place[this]))
         start = np.concatenate([[0], np.cumsum(np.bincount(place[this], minlength=n))]).astype(np.int32)
-        names = ("spring_rest_length", "spring_stiffness", "spring_damping")
-        self.properties = SpringProperties(model, rows % len(ends), names)
+        self.properties = SpringProperties(model, rows % len(ends), LAW)
         self.other = model.array(np.concatenate([ends[:, 1], ends[:, 0]])[rows].astype(np.int32), wp.int32)
         self.law = self.properties.values
         particles, starts = model.array(order.astype(np.int32), wp.int32), model.array(start, wp.int32)

@@ -5,6 +5,7 @@ import warp as wp
 
 from .. import validate
 from ..forces import Forces
+from ..forces.springs import LAW
 from ..launching import launch
 from ..model import Model
 from ..state import State
@@ -43,8 +44,7 @@ class Pbd(PositionStep):
         self.colours = SpringColours(model)
         factor = np.where(model.spring_group.numpy() == 1, bending, stiffness)
         self.factor = self.colours.arranged(factor, model.real)
-        names = ("spring_rest_length", "spring_stiffness", "spring_damping")
-        self._properties = SpringProperties(model, self.colours.order, names)
+        self._properties = SpringProperties(model, self.colours.order, LAW)
         self._law = self.colours.views(self._properties.values)
 
     def prepare(self) -> None:

@@ -5,6 +5,7 @@ import warp as wp
 
 from ..launching import launch
 from ..model import Model
+from ..watch import Watch
 
 
 class SpringProperties:
@@ -22,10 +23,14 @@ class SpringProperties:
         self._model, self._names = model, names
         self._order = model.array(order, wp.int32)
         self.values = wp.zeros(len(order), dtype=model.vec3, device=model.device)
-        self.read()
+        self._watch = Watch(model, *names)
+        self._read()
 
     def read(self) -> None:
-        """Takes over what the model has now."""
+        """Takes over what the model has now, should it have changed."""
+        self._watch.if_changed(self._read)
+
+    def _read(self) -> None:
         model = self._model
         inputs = [self._order, *(getattr(model, name) for name in self._names)]
         launch(model.kernels.springs.take_law, len(self._order), inputs, [self.values], model.device)

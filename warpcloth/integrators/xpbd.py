@@ -10,9 +10,11 @@ import warp as wp
 
 from .. import validate
 from ..forces import Forces
+from ..forces.springs import LAW
 from ..launching import fill, launch
 from ..model import YARNS, ClothRange, Model
 from ..state import Memory, State
+from ..watch import Watch
 from .colouring import TriangleColours
 from .part import Part, Turn
 from .position_step import STANDARD_GRAVITY, PositionStep
@@ -69,6 +71,7 @@ class Xpbd(PositionStep):
         self.spans = [own for own in found if own is not None]
         self._in_rows = cloths_in_rows(model, self.spans)
         self.triangles = TriangleColours(model)
+        self._watch = Watch(model, *LAW)
         sizes = [YARNS * len(numbers) for numbers in self.triangles.numbers]
         whole: dict[str, Any] = {"dtype": model.vec3, "device": model.device, "requires_grad": model.differentiable}
         self._triangle_force = wp.zeros(sum(sizes), **whole)
@@ -97,6 +100,9 @@ class Xpbd(PositionStep):
 
     def prepare(self) -> None:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
+        self._watch.if_changed(self._read_springs)
+
+    def _read_springs(self) -> None:
         for own in (*self.sweeps, *self.spans):
             own.read_springs()
 
