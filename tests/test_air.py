@@ -8,6 +8,7 @@ from warpcloth.scenes import scene_from_toml
 import warpcloth as wc
 from warpcloth.errors import InputError, SceneError
 from warpcloth.forces import AirDrag, Forces, Linearization
+from warpcloth.load_rates import load_rates
 from warpcloth.state import State
 
 FABRIC = wc.Fabric(areal_density=0.1, air_drag=1.2, air_friction=0.05)
@@ -217,3 +218,23 @@ def test_scene_has_air_unless_it_is_a_vacuum():
     assert (windy.wind.tolist(), windy.turbulence, windy.seed) == ([5.0, 0.0, 0.0], 1.0, 3)
     with pytest.raises(SceneError, match=r"air.density must be a number from 0 to 10,000 kg/m³, not -1"):
         scene_from_toml("[air]\ndensity = -1\n" + cloth)
+
+
+@pytest.mark.parametrize("name", ["xpbd", "symplectic_euler", "velocity_verlet", "rk4"])
+def test_automatic_steps_know_how_dense_the_air_is(name):
+    """In water, which would throw cloth about within steps that its springs allow."""
+    model = wc.Model.build(wc.Cloth.grid((0.4, 0.4), (9, 9), pins="top"))
+    sim = wc.Simulation(model, name, air=wc.Air(density=1000.0, wind=(0.0, 0.0, 0.5)))
+    sim.run(20)
+    assert sim.metrics()["max_speed"] < 1.0
+    assert sim.metrics()["max_strain"] < 0.05
+    assert load_rates(model, [wc.Air()])[1] < 0.01 * load_rates(model, [wc.Air(density=1000.0, wind=(0, 0, 20))])[1]
+
+
+def test_the_rate_of_the_air_is_the_slope_of_its_force():
+    """A sheet that falls flat: 2 C_n ½ ρ A |u|/m at the speed of the wind, on every particle alike."""
+    fabric = wc.Fabric(areal_density=0.2)
+    model = wc.Model.build(wc.Cloth.grid((0.4, 0.4), (9, 9), fabric), precision="float64")
+    fall = np.sqrt(2.0 * 9.81 * 0.4)
+    expected = 1.2 * (10.0 + fall) * float(model.tri_air_drag.numpy().max()) / 0.2
+    assert load_rates(model, [wc.Air(density=1.2, wind=(0.0, 0.0, 10.0))])[1] == pytest.approx(expected, rel=1e-6)

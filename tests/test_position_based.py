@@ -241,3 +241,12 @@ def test_five_sweeps_of_block_descent_take_the_steps_of_two_of_xpbd():
 
     assert substeps("vbd", iterations=5) == substeps("xpbd", iterations=2, spans=False)
     assert substeps("vbd", iterations=20) == substeps("xpbd", iterations=8, spans=False)
+
+
+def test_many_sweeps_do_not_make_steps_so_long_that_cloth_goes_on_swinging():
+    model = wc.Model.build(wc.Cloth.grid((0.5, 0.5), (25, 25), wc.library_fabric("cotton"), pins="top"))
+    options = {"integrator_options": {"iterations": 100}, "contact": "none"}
+    sim = wc.Simulation(model, "xpbd", (0.0, -9.81, 0.0), **options)
+    sim.run(180)
+    assert sim.substeps >= 3
+    assert sim.settled

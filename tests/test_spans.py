@@ -114,7 +114,7 @@ def test_spans_take_over_new_properties_of_springs():
     for name, times in (("spring_rest_length", 0.9), ("spring_stiffness", 3.0), ("spring_damping", 2.0)):
         array = getattr(model, name)
         array.assign(times * array.numpy())
-    sim.integrator.read_springs(model)
+    sim.integrator.prepare()
     sim.step(0.01)
     new = chain(20, 0.1) | {"rest_lengths": 0.9 * 0.1, "k_s": 3.0 * 50.0, "k_d": 2.0 * 0.02}
     assert np.array_equal(sim.state.particle_q.numpy(), stepped(new, 0.01))

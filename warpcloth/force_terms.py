@@ -14,17 +14,26 @@ from .integrators import Integrator
 from .model import Model
 
 
-def force_terms(
-    model: Model, integrator: Integrator, assembly: str, air: Air | Sequence[Air] | None, ranges: int
-) -> list[ForceTerm]:
-    """All forces but gravity that act on a model; arguments as for :class:`warpcloth.Simulation`, and ``ranges``: into
-    how many launches are cut on the CPU."""
+def airs_of(model: Model, air: Air | Sequence[Air] | None) -> list[Air]:
+    """The air of each world; none, where there is a vacuum.
+
+    Raises:
+        InputError: something else, or not one for each world.
+    """
     airs = [] if air is None else list(air) if isinstance(air, Sequence) else [air] * model.world_count
     for item in airs:
         if not isinstance(item, Air):
             raise InputError(f"Air must be an Air, one for each world, or None, got {type(item).__name__}.")
     if airs and len(airs) != model.world_count:
         raise InputError(f"Air must be given once or for each of the {model.world_count} worlds, got {len(airs)}.")
+    return airs
+
+
+def force_terms(
+    model: Model, integrator: Integrator, assembly: str, airs: Sequence[Air], ranges: int
+) -> list[ForceTerm]:  # fmt: skip
+    """All forces but gravity that act on a model; ``airs`` as from :func:`airs_of`, other arguments as for
+    :class:`warpcloth.Simulation`, and ``ranges``: into how many launches are cut on the CPU."""
     solved = "springs" in integrator.solved_forces  # by the scheme, which has copies of its own
     terms: list[ForceTerm] = [Springs(model, assembly, None if solved else ranges)]
     if model.woven_count > 0:

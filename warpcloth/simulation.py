@@ -9,7 +9,7 @@ from . import diagnostics, stability, validate
 from .air import Air
 from .backup import Backup
 from .contact import CONTACTS, ContactStage
-from .force_terms import force_terms, world_gravity
+from .force_terms import airs_of, force_terms, world_gravity
 from .forces import BlockMatrix, Forces, Grabs
 from .forces.grabs import Hold
 from .forces.user import UserForce
@@ -96,7 +96,8 @@ class Simulation:
         self.watch = Stopwatch(model.device, validate.flag(profile, "profile"))
         replay = validate.flag(graph, "graph") and self.integrator.capturable and not self.watch.active
         self._frames = Frames(model, replay, not all(map(records, (*self.hooks, *own))), threads)
-        terms = force_terms(model, self.integrator, assembly, air, self._frames.threads)
+        self._airs = airs_of(model, air)
+        terms = force_terms(model, self.integrator, assembly, self._airs, self._frames.threads)
         self.forces = Forces(model, terms, world_gravity(model, gravity))
         passes = model.limits_strain and self.integrator.solves_springs_only
         self._limit_pass = LimitPass(model) if passes else None
@@ -336,6 +337,6 @@ class Simulation:
         self._frames.forget()
 
     def _stable_substeps(self, dt: float) -> int:
-        self._auto_step = self._auto_step or stability.automatic_step(self.model, self.integrator)
+        self._auto_step = self._auto_step or stability.automatic_step(self.model, self.integrator, self._airs)
         stable = stability.count_steps(self.integrator, self._auto_step, dt, MAX_SUBSTEPS)
         return max(stable, self.contact.fewest_substeps(dt, MAX_SUBSTEPS, self.integrator.steps_per_travel))

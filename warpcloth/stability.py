@@ -11,7 +11,8 @@ substeps than the flat rest pose would need.
 Bending of cloth that is flat at rest acts in all directions by itself, with the same K in every configuration. Where
 the rest shape is curved, and for hysteresis, what depends on how the surface's tangents turn is left out: it is small
 where the mesh resolves the curvature. Its step falls with the square of the cells, and with damping the fourth power;
-schemes that solve for springs alone smooth it instead (``kernels/bending_filter.py``).
+schemes that solve for springs alone smooth it instead (``kernels/bending_filter.py``). Pressure and air, which depend
+on more than the network, are looked at where the simulation begins (``load_rates.py``).
 """
 
 import math
@@ -21,8 +22,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import SimulationError
+from .load_rates import load_rates
 
 if TYPE_CHECKING:
+    from .air import Air
     from .integrators import Integrator
     from .model import Model
 
@@ -197,36 +200,50 @@ def fastest_rates(
 
 
 def _usable_step(
-    model: "Model", integrator: "Integrator", rates: Callable[..., tuple[float, float]], *arguments: Any
+    model: "Model",
+    integrator: "Integrator",
+    rates: Callable[..., tuple[float, float]],
+    *arguments: Any,
+    loads: tuple[float, float] = (0.0, 0.0),
 ) -> float:
-    """Largest step [s] by ``rates``, for all forces and for those that the scheme does not solve for."""
-    step = integrator.usable_step(*rates(model, *arguments))
-    if model.bend_count > 0 or model.woven_count > 0:
+    """Largest step [s] by ``rates``, for all forces and for those that the scheme does not solve for; ``loads`` as
+    :func:`~warpcloth.load_rates.load_rates` has them."""
+
+    def loaded(omega: float, gamma: float) -> tuple[float, float]:
+        return math.sqrt(omega * omega + loads[0]), gamma + loads[1]
+
+    step = integrator.usable_step(*loaded(*rates(model, *arguments)))
+    if model.bend_count > 0 or model.woven_count > 0 or any(loads):
         without = (*integrator.solved_forces, *integrator.filtered_forces)
-        step = min(step, integrator.explicit_step(*rates(model, *arguments, without=without)))
+        step = min(step, integrator.explicit_step(*loaded(*rates(model, *arguments, without=without))))
     return step
 
 
-def largest_stable_step(model: "Model", integrator: "Integrator") -> float:
-    """Largest step [s] that ``integrator`` can safely take in any configuration; infinite if it has no limit."""
-    step = integrator.filtered_step()
-    if not math.isinf(_usable_step(model, integrator, rate_bounds)):
-        step = min(step, _usable_step(model, integrator, fastest_rates))
+def largest_stable_step(model: "Model", integrator: "Integrator", airs: "Sequence[Air]" = ()) -> float:
+    """Largest step [s] that ``integrator`` can safely take in any configuration; infinite if it has no limit.
+
+    Of pressure and of the air, one for each world, about the initial pose and speeds (``load_rates.py``).
+    """
+    step, loads = integrator.filtered_step(), load_rates(model, airs)
+    if not math.isinf(_usable_step(model, integrator, rate_bounds, loads=loads)):
+        step = min(step, _usable_step(model, integrator, fastest_rates, loads=loads))
     return SAFETY * step
 
 
-def substeps_for(model: "Model", integrator: "Integrator", dt: float, most: int) -> int:
+def substeps_for(
+    model: "Model", integrator: "Integrator", dt: float, most: int, airs: "Sequence[Air]" = ()
+) -> int:  # fmt: skip
     """Fewest equal steps that divide dt [s] into stable ones, no larger than the integrator advises.
 
     Raises:
         SimulationError: more than ``most`` would be needed.
     """
-    return count_steps(integrator, automatic_step(model, integrator), dt, most)
+    return count_steps(integrator, automatic_step(model, integrator, airs), dt, most)
 
 
-def automatic_step(model: "Model", integrator: "Integrator") -> float:
+def automatic_step(model: "Model", integrator: "Integrator", airs: "Sequence[Air]" = ()) -> float:
     """Largest step [s] that is stable and no larger than the integrator advises."""
-    return min(largest_stable_step(model, integrator), integrator.advised_step())
+    return min(largest_stable_step(model, integrator, airs), integrator.advised_step())
 
 
 def count_steps(integrator: "Integrator", step: float, dt: float, most: int) -> int:

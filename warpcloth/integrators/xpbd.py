@@ -17,7 +17,7 @@ from ..state import Memory, State
 from ..watch import Watch
 from .colouring import TriangleColours
 from .part import Part, Turn
-from .position_step import STANDARD_GRAVITY, PositionStep
+from .position_step import MOST_SWEEPS, PositionStep
 from .spans import Spans, cloths_in_rows, spans_of
 from .spring_sweeps import spring_sweeps
 
@@ -89,14 +89,15 @@ class Xpbd(PositionStep):
             force = self._triangle_force[end - size : end]
             yield Part(partial(self._solve_triangles, model, triangles, force), [force])
 
-    def cloth_step(self, cloth: ClothRange, size: float, edge: float) -> float:
+    def cloth_step(self, cloth: ClothRange, size: float, edge: float, load: float) -> float:
         """As elsewhere (:meth:`~warpcloth.integrators.position_step.PositionStep.advised_step`), but for cloth with
         most of its threads in rows of springs 0.014 √iterations (a/L)^(1/4) √(L/g): the same square then keeps its
         worst mean strain below 1.6 % with two sweeps and 6 substeps of 1/60 s at 32 × 32 vertices, 7 at 64 × 64, 8 at
         128 × 128 and 10 at 256 × 256."""
         if cloth not in self._in_rows:
-            return super().cloth_step(cloth, size, edge)
-        return 0.0142 * math.sqrt(self.iterations) * (edge / size) ** 0.25 * math.sqrt(size / STANDARD_GRAVITY)
+            return super().cloth_step(cloth, size, edge, load)
+        sweeps = math.sqrt(min(self.iterations, MOST_SWEEPS))
+        return 0.0142 * sweeps * (edge / size) ** 0.25 * math.sqrt(size / load)
 
     def prepare(self) -> None:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
