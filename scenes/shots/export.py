@@ -51,8 +51,8 @@ def export_scene(scene: Scene, path: str | os.PathLike) -> Path:
     target = output_target(path)
     cloths, obstacles = scene.build()
     network = scene.build_network()
-    stage = create_stage(target.partial, scene.fps, {"scene": scene.name})
     try:
+        stage = create_stage(target, scene.fps, {"scene": scene.name})
         _physics_scene(stage, scene)
         bodies = zip(scene.cloth, cloths, prim_names([cloth.name for cloth in cloths]), strict=True)
         for table, cloth, name in bodies:
@@ -63,9 +63,8 @@ def export_scene(scene: Scene, path: str | os.PathLike) -> Path:
         _obstacles(stage, scene, cloths, obstacles)
         stage.SetEndTimeCode(scene.frames)
         _save(stage, target)
-    except BaseException:
-        target.partial.unlink(missing_ok=True)
-        raise
+    finally:
+        target.discard()
     return target.final
 
 
@@ -145,4 +144,3 @@ def _save(stage: Usd.Stage, target: Target) -> None:
         if not done:
             raise UsdError(f"Cannot write {target.final.name}: the stage could not be converted.")
         publish(target)
-        target.partial.unlink(missing_ok=True)

@@ -16,7 +16,7 @@ from ..usd.failures import as_usd_error
 from ..usd.frames import FrameWriter, SampledCloth
 from ..usd.growing import GrowingStage
 from ..usd.paths import Target, output_target, publish
-from ..usd.stage import ASSET, PROVENANCE, with_provenance
+from ..usd.stage import ASSET, PROVENANCE, new_stage, with_provenance
 from ..usd.writer import check_rate
 from .cloth_over import ClothOver
 from .network import NetworkOver
@@ -51,8 +51,8 @@ class ShotWriter(FrameWriter):
         rate = shot.stage.GetTimeCodesPerSecond()
         clock = Clock(shot.start, rate / fps)
         facts = {"version": __version__, **provenance, ASSET: shot.path.name}
-        file = GrowingStage(cache, _layer(cache.partial, shot.stage, fps, facts), clock)
         try:
+            file = GrowingStage(cache, _layer(cache, shot.stage, fps, facts), clock)
             overs: dict[str, SampledCloth] = {
                 part.cloth.name: ClothOver(file.stage, part, shot.start, INSTANT * clock.step) for part in shot.parts
             }
@@ -63,7 +63,7 @@ class ShotWriter(FrameWriter):
             super().__init__(file, float(fps), overs, [])
             file.save()
         except BaseException:
-            file.discard()
+            cache.discard()
             raise
 
     def close(self) -> Path | None:
@@ -77,8 +77,11 @@ class ShotWriter(FrameWriter):
         cache = super().close()
         if cache is None:
             return None
-        with as_usd_error(f"Cannot write the shot {self._target.final.name}"):
-            _finish(_Files(self._target, cache, self._shot))
+        try:
+            with as_usd_error(f"Cannot write the shot {self._target.final.name}"):
+                _finish(_Files(self._target, cache, self._shot))
+        finally:
+            self._target.discard()
         return self._target.final
 
 
@@ -91,10 +94,9 @@ class _Files:
     shot: Shot
 
 
-def _layer(path: Path, source: Usd.Stage, fps: float, provenance: Mapping[str, Any]) -> Usd.Stage:
+def _layer(target: Target, source: Usd.Stage, fps: float, provenance: Mapping[str, Any]) -> Usd.Stage:
     """A new stage of nothing but the cache layer, with the units of the stage it is to go over."""
-    with as_usd_error(f"Cannot write the cache {path.name}"):
-        stage = Usd.Stage.CreateNew(str(path))
+    stage = new_stage(target)
     _set_units(stage, source, fps)
     stage.GetRootLayer().customLayerData = with_provenance({}, provenance)
     root = _root(source)
@@ -143,7 +145,6 @@ def _packed_name(target: Target) -> str:
 
 def _write_shot(path: Path, files: _Files) -> None:
     """A layer with the cache over the stage, and the stage's own settings, which sublayers do not pass on."""
-    path.unlink(missing_ok=True)
     source, asset = files.shot.stage, files.shot.stage.GetRootLayer()
     layer = Sdf.Layer.CreateNew(str(path))
     keep = {"subLayers", "subLayerOffsets", "primChildren", "customLayerData", "documentation"}
