@@ -11,6 +11,7 @@ from pxr import Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 from warpcloth import __version__
 from warpcloth.errors import UsdError
 
+from ..sources import layer_files, spare
 from ..usd.clock import Clock
 from ..usd.failures import as_usd_error
 from ..usd.frames import FrameWriter, SampledCloth
@@ -46,7 +47,7 @@ class ShotWriter(FrameWriter):
         check_rate(fps)
         self._target = output_target(path)
         cache = Target(self._target.final.with_suffix(".cache.usdc"))
-        _spare_sources(shot, (self._target.final, cache.final))
+        spare((self._target.final, cache.final), layer_files(shot.stage), f"stage {shot.path.name}")
         self._shot = shot
         rate = shot.stage.GetTimeCodesPerSecond()
         clock = Clock(shot.start, rate / fps)
@@ -169,16 +170,3 @@ def _reference(file: Path, shot: Path) -> str:
         return file.absolute().as_posix()
     text = relative.as_posix()
     return text if text.startswith("../") else f"./{text}"
-
-
-def _spare_sources(shot: Shot, outputs: tuple[Path, ...]) -> None:
-    """Refuses to write over a file that the stage consists of.
-
-    Raises:
-        UsdError: naming it.
-    """
-    sources = {Path(layer.realPath).resolve() for layer in shot.stage.GetUsedLayers() if layer.realPath}
-    for output in outputs:
-        if output.resolve() in sources:
-            rule = "give another name with -o"
-            raise UsdError(f"Cannot write {output.name}: the stage {shot.path.name} consists of it; {rule}.")
