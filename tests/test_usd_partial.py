@@ -74,7 +74,7 @@ def test_frames_that_cannot_get_their_name_are_kept_and_the_sentence_says_where(
         write_frames(writer, cloths, range(3))
     kept = partial_of(path)
     assert str(caught.value) == (
-        f"Cannot write the cache shot.{ending}: No space left on device; its frames are kept in {kept.name}."
+        f"Cannot write the cache shot.{ending}: No space left on device; its frames are kept in {kept}."
     )
     assert names(tmp_path) == [kept.name]
     assert last_frame(kept) == 2

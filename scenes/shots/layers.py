@@ -30,8 +30,9 @@ INSTANT = 0.01  # of a frame, over which the motion of a frame of reference is t
 class ShotWriter(FrameWriter):
     """Streams frames into a cache layer; at the end writes the shot, which has that layer over the stage.
 
-    For ``-o shot_sim.usda`` the layer is ``shot_sim.cache.usdc`` beside it. A ``.usdz`` holds the shot, the layer and
-    everything that the stage refers to.
+    For ``-o shot_sim.usda`` the layer is ``shot_sim.cache.usdc`` beside it, for ``-o shot_sim.usdc`` it is
+    ``shot_sim.usdc.cache.usdc``, so that each shot has its own. A ``.usdz`` holds the shot, the layer and everything
+    that the stage refers to.
 
     Args:
         path: of the shot: ``.usda``, ``.usdc`` or ``.usdz``.
@@ -46,13 +47,14 @@ class ShotWriter(FrameWriter):
     def __init__(self, path: str | os.PathLike, shot: Shot, fps: float, provenance: Mapping[str, Any]):
         check_rate(fps)
         self._target = output_target(path)
-        cache = Target(self._target.final.with_suffix(".cache.usdc"))
+        cache = Target(_cache_file(self._target))
         spare((self._target.final, cache.final), layer_files(shot.stage), f"stage {shot.path.name}")
         self._shot = shot
         rate = shot.stage.GetTimeCodesPerSecond()
         clock = Clock(shot.start, rate / fps)
         facts = {"version": __version__, **provenance, ASSET: shot.path.name}
         try:
+            cache.final.parent.mkdir(exist_ok=True)
             file = GrowingStage(cache, _layer(cache, shot.stage, fps, facts), clock)
             overs: dict[str, SampledCloth] = {
                 part.cloth.name: ClothOver(file.stage, part, shot.start, INSTANT * clock.step) for part in shot.parts
@@ -65,25 +67,45 @@ class ShotWriter(FrameWriter):
             file.save()
         except BaseException:
             cache.discard()
+            self._target.discard()
             raise
 
     def close(self) -> Path | None:
         """Completes both files; returns the path of the shot, or None if there is not one frame.
 
         Raises:
-            UsdError: when the disk does not take it; what is written so far is then kept.
+            UsdError: when the disk does not take it; the message has the file in which frames are kept.
         """
         if self._closed:
             return self._target.final if self.frames else None
-        cache = super().close()
-        if cache is None:
-            return None
         try:
-            with as_usd_error(f"Cannot write the shot {self._target.final.name}"):
+            cache = super().close()
+            if cache is None:
+                return None
+            with as_usd_error(f"Cannot write the shot {self._target.final.name}, whose frames are kept in {cache}"):
                 _finish(_Files(self._target, cache, self._shot))
-        finally:
+        except UsdError:
+            self._target.converted.unlink(missing_ok=True)
+            raise
+        except BaseException:
             self._target.discard()
+            raise
+        self._target.discard()
         return self._target.final
+
+    def abort(self) -> None:
+        """Removes what is written so far; files under the final names stay as they were."""
+        if not self._closed:
+            super().abort()
+            self._target.discard()
+
+
+def _cache_file(target: Target) -> Path:
+    """Where the cache layer of a shot is; before it is packed, in a folder of its own."""
+    if target.final.suffix == ".usdz":
+        return target.folder / f"{target.final.stem}.cache.usdc"
+    whole = target.final.stem if target.final.suffix == ".usda" else target.final.name
+    return target.final.with_name(f"{whole}.cache.usdc")
 
 
 @dataclass(frozen=True)
@@ -126,22 +148,15 @@ def _finish(files: _Files) -> None:
     """Writes the shot beside the cache; packs both where that is asked for."""
     target = files.target
     packed = target.final.suffix == ".usdz"
-    draft = target.converted.with_suffix(".usda") if packed else target.converted
+    draft = target.folder / f"{target.final.stem}.usda" if packed else target.converted
     _write_shot(draft, files)
-    if packed:
-        if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(draft)), str(target.converted), _packed_name(target)):
-            raise UsdError(f"Cannot write {target.final.name}: the stage cannot be packed; use .usda in its place.")
-        draft.unlink()
+    if packed and not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(draft)), str(target.converted), draft.name):
+        kept = f"the shot and its frames are kept in {draft.parent}"
+        raise UsdError(f"Cannot write {target.final.name}: the stage cannot be packed; {kept}.")
     publish(target)
-    if packed:
-        files.cache.unlink()
     stale = Sdf.Layer.Find(str(target.final))
     if stale:  # somebody in this process still has the file open that was just replaced
         stale.Reload(force=True)
-
-
-def _packed_name(target: Target) -> str:
-    return target.final.with_suffix(".usda").name
 
 
 def _write_shot(path: Path, files: _Files) -> None:

@@ -84,7 +84,7 @@ class GrowingStage:
                 publish(self.target)
         except UsdError as error:
             self.target.discard(keep=self.target.partial)
-            raise UsdError(f"{str(error).rstrip('.')}; its frames are kept in {self.target.partial.name}.") from error
+            raise UsdError(f"{str(error).rstrip('.')}; its frames are kept in {self.target.partial}.") from error
         except BaseException:
             self.target.discard()
             raise

@@ -3,6 +3,7 @@
 import errno
 import os
 import secrets
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -38,10 +39,16 @@ class Target:
         """The finished cache in its final format, complete but not yet under its final name."""
         return self.partial.with_suffix(self.final.suffix)
 
+    @property
+    def folder(self) -> Path:
+        """Where what is to be packed may be put together."""
+        return self.final.with_name(f"{self.final.stem}.{self.mark}.partial")
+
     def discard(self, keep: Path | None = None) -> None:
         """Removes what there is under other names than the final one, but not ``keep``."""
         for path in {self.partial, self.converted} - {keep}:
             path.unlink(missing_ok=True)
+        shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def output_target(path: str | os.PathLike) -> Target:
