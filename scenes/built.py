@@ -61,7 +61,7 @@ class BuiltScene:
             return self.writer(output)
         from .shots.layers import ShotWriter
 
-        return ShotWriter(output, self.shot, self.scene.fps, provenance(self.scene))
+        return ShotWriter(output, self.shot, self.scene.fps, provenance(self.scene), self.scene.frames)
 
 
 def _shot(scene: Scene) -> "Shot":

@@ -39,12 +39,14 @@ class ShotWriter(FrameWriter):
         shot: what is simulated.
         fps: frames per second, > 0.
         provenance: facts to keep in both files.
+        frames: how many are to come after the first.
 
     Raises:
-        UsdError: when nothing can be written to ``path``, or when that is one of the files that the stage consists of.
+        UsdError: when nothing can be written to ``path``, when that is one of the files that the stage consists of, or
+            when one of the frames cannot be written to the stage.
     """
 
-    def __init__(self, path: str | os.PathLike, shot: Shot, fps: float, provenance: Mapping[str, Any]):
+    def __init__(self, path: str | os.PathLike, shot: Shot, fps: float, provenance: Mapping[str, Any], frames: int = 0):
         check_rate(fps)
         self._target = output_target(path)
         cache = Target(_cache_file(self._target))
@@ -52,12 +54,13 @@ class ShotWriter(FrameWriter):
         self._shot = shot
         rate = shot.stage.GetTimeCodesPerSecond()
         clock = Clock(shot.start, rate / fps)
+        codes = [clock.code(frame) for frame in range(frames + 1)]
         facts = {"version": __version__, **provenance, ASSET: shot.path.name}
         try:
             cache.final.parent.mkdir(exist_ok=True)
             file = GrowingStage(cache, _layer(cache, shot.stage, fps, facts), clock)
             overs: dict[str, SampledCloth] = {
-                part.cloth.name: ClothOver(file.stage, part, shot.start, INSTANT * clock.step) for part in shot.parts
+                part.cloth.name: ClothOver(file.stage, part, codes, INSTANT * clock.step) for part in shot.parts
             }
             if shot.network is not None:
                 overs[shot.network.network.name] = NetworkOver(file.stage, shot.network)

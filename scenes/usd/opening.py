@@ -43,9 +43,33 @@ def si_matrix(stage: Usd.Stage) -> np.ndarray:
 
 
 def world_matrix(prim: Usd.Prim, code: Usd.TimeCode | float) -> np.ndarray:
-    """The 4 × 4 matrix, in column-vector convention, from the prim's own frame to Z up and metres at time ``code``."""
-    local_to_world = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(code))
-    return si_matrix(prim.GetStage()) @ np.array(local_to_world).T
+    """The 4 × 4 matrix, in column-vector convention, from the prim's own frame to Z up and metres at time ``code``.
+
+    Raises:
+        UsdError: when it is not finite.
+    """
+    matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(code))).T
+    if not np.isfinite(matrix).all():
+        raise UsdError(f"Prim {prim.GetPath()} has a transform that is not of finite numbers{_at(code)}.")
+    return si_matrix(prim.GetStage()) @ matrix
+
+
+def local_matrix(prim: Usd.Prim, code: Usd.TimeCode | float) -> np.ndarray:
+    """The inverse of :func:`world_matrix`.
+
+    Raises:
+        UsdError: when there is none.
+    """
+    matrix = world_matrix(prim, code)
+    if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
+        rule = "cloth needs a scale other than 0"
+        raise UsdError(f"Prim {prim.GetPath()} has a transform that flattens space{_at(code)}; {rule}.")
+    return np.linalg.inv(matrix)
+
+
+def _at(code: Usd.TimeCode | float) -> str:
+    numeric = Usd.TimeCode(code).IsNumeric() and Usd.TimeCode(code) != Usd.TimeCode.EarliestTime()
+    return f" at time code {Usd.TimeCode(code).GetValue():g}" if numeric else ""
 
 
 def transform_codes(prim: Usd.Prim) -> list[float]:
