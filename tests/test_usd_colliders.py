@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
+from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdShade
+from usd_files import SQUARE
 from warpcloth.scenes.usd import read_obstacles
 
 from warpcloth.errors import UsdError
@@ -85,3 +86,23 @@ def test_friction_may_be_sampled_once(tmp_path):
     friction.Set(0.25, 3.0)
     with pytest.raises(UsdError, match=r"a constant dynamicFriction, but /Rubber\.physics:dynamicFriction ch"):
         read_obstacles(stage)
+
+
+@pytest.mark.parametrize("codes", [[None], [7.0]], ids=["default", "one sample"])
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_mesh_may_have_its_points_sampled_once(codes, moves):
+    stage, prim = collider(UsdGeom.Mesh)
+    mesh = UsdGeom.Mesh(prim)
+    for code in codes:
+        at = Usd.TimeCode.Default() if code is None else code
+        mesh.GetPointsAttr().Set(SQUARE, at)
+        mesh.GetFaceVertexCountsAttr().Set([4], at)
+        mesh.GetFaceVertexIndicesAttr().Set([0, 1, 2, 3], at)
+    if moves:
+        op = mesh.AddTranslateOp()
+        for code in (0.0, 24.0):
+            op.Set(Gf.Vec3d(0.0, 0.0, code / 24.0), code)
+    (solid,) = read_obstacles(stage)
+    assert solid.moves is moves
+    np.testing.assert_array_equal(solid.points_at(0.0), SQUARE)
+    np.testing.assert_allclose(solid.points_at(1.0)[:, 2], float(moves), atol=1e-12)

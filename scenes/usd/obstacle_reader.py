@@ -144,7 +144,9 @@ def _samples(prim: Usd.Prim, codes: list[float], origin: float) -> tuple[list[fl
 
 def _rest_code(prim: Usd.Prim, codes: list[float]) -> Usd.TimeCode:
     """When the prim is in its initial place: many writers leave the default of what they sample unset, we do not."""
-    return Usd.TimeCode.Default() if role_of(prim) or not codes else Usd.TimeCode(codes[0])
+    if role_of(prim):
+        return Usd.TimeCode.Default()
+    return Usd.TimeCode(codes[0]) if codes else FIRST
 
 
 def _points(mesh: UsdGeom.Mesh, code: Usd.TimeCode | float) -> np.ndarray:
