@@ -1,7 +1,7 @@
 """Meshes of a USD stage. This module imports ``pxr``; import it only to read USD."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -88,6 +88,7 @@ def _scattered_meshes(
 ) -> Iterator[tuple[UsdGeom.Mesh, np.ndarray]]:
     prototypes = [scatter.GetPrim().GetStage().GetPrimAtPath(p) for p in scatter.GetPrototypesRel().GetTargets()]
     which = scatter.GetProtoIndicesAttr().Get(TIME) or []
+    _check_scatter(scatter, prototypes, which)
     transforms = scatter.ComputeInstanceTransformsAtTime(TIME, TIME, applyMask=UsdGeom.PointInstancer.IgnoreMask)
     mask = scatter.ComputeMaskAtTime(TIME) or [True] * len(transforms)
     world = _columns(cache.GetLocalToWorldTransform(scatter.GetPrim()))
@@ -97,6 +98,22 @@ def _scattered_meshes(
             if prim.IsA(UsdGeom.Mesh):
                 local = np.eye(4) if prim == prototype else _columns(cache.ComputeRelativeTransform(prim, prototype)[0])
                 yield UsdGeom.Mesh(prim), world @ _columns(transform) @ local
+
+
+def _check_scatter(scatter: UsdGeom.PointInstancer, prototypes: Sequence[Usd.Prim], which: Sequence[int]) -> None:
+    """Whether each instance has a place, and a prototype that there is."""
+    label = f"The point instancer {scatter.GetPath()}"
+    ids = scatter.GetIdsAttr().Get(TIME)
+    sizes = {"positions": len(scatter.GetPositionsAttr().Get(TIME) or [])} | ({"ids": len(ids)} if ids else {})
+    for name, size in sizes.items():
+        if size != len(which):
+            raise MeshError(f"{label} has {len(which)} protoIndices but {size} {name}; it needs as many of each.")
+    for index in set(which):
+        if not 0 <= index < len(prototypes):
+            raise MeshError(f"{label} refers to prototype {index}, but has {len(prototypes)}, counted from 0.")
+        if not prototypes[index]:
+            path = scatter.GetPrototypesRel().GetTargets()[index]
+            raise MeshError(f"{label} refers to the prototype {path}, which does not exist.")
 
 
 def _placed(mesh: UsdGeom.Mesh, name: str, matrix: np.ndarray) -> TriangleMesh:
