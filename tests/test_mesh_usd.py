@@ -169,3 +169,20 @@ def test_point_instancers_that_do_not_fit_are_refused(tmp_path, options, words):
     assert len(read_mesh(scattered(tmp_path / "good.usda", ids=[7, 8]), join=True).points) == 4
     with pytest.raises(MeshError, match=f"The point instancer /scatter {words}"):
         read_mesh(scattered(tmp_path / "bad.usda", **options), join=True)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("upAxis", "X", "its upAxis is 'X', but must be 'Y' or 'Z'"),
+        ("metersPerUnit", -1.0, "its metersPerUnit is -1, but must be a number above 0"),
+        ("metersPerUnit", 0.0, "its metersPerUnit is 0, but must be a number above 0"),
+        ("metersPerUnit", np.nan, "its metersPerUnit is nan, but must be a number above 0"),
+    ],
+)
+def test_units_that_are_none_are_refused(tmp_path, key, value, words):
+    stage, _ = write_usd(tmp_path / "sheet.usda")
+    stage.SetMetadata(key, value)
+    stage.Save()
+    with pytest.raises(MeshError, match=f"The USD file 'sheet.usda' cannot be used: {words}"):
+        read_mesh(tmp_path / "sheet.usda")

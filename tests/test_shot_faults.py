@@ -90,6 +90,18 @@ def nan_ball(stage):
     add_ball(stage).GetOrderedXformOps()[0].Set(Gf.Vec3d(0.0, np.inf, 0.0), 2)
 
 
+def metadata(**values):
+    """Something that the stage says of itself."""
+
+    def spoil(stage):
+        add_cloth(stage)
+        for key, value in values.items():
+            stage.SetMetadata(key, value)
+
+    spoil.__name__ = "_".join(f"{key}_{value}" for key, value in values.items())
+    return spoil
+
+
 def stiffer_in_shear(stage):
     add_cloth(stage, surfaceStretchStiffness=10.0, surfaceShearStiffness=100.0)
 
@@ -172,6 +184,17 @@ FAULTS = [
     (nan_transform, "Prim /World/Shirt has a transform that is not of finite numbers at time code 0."),
     (nan_transform_later, "Prim /World/Shirt has a transform that is not of finite numbers at time code 1."),
     (nan_ball, "Prim /World/Ball has a transform that is not of finite numbers at time code 2."),
+    (metadata(upAxis="X"), "Cannot use shot.usda: its upAxis is 'X', but must be 'Y' or 'Z'."),
+    (metadata(metersPerUnit=-1.0), "Cannot use shot.usda: its metersPerUnit is -1, but must be a number above 0."),
+    (metadata(kilogramsPerUnit=np.nan), "Cannot use shot.usda: its kilogramsPerUnit is nan, but must be a number"),
+    (metadata(timeCodesPerSecond=0.0), "Cannot use shot.usda: its timeCodesPerSecond is 0, but must be a number above"),
+    (metadata(timeCodesPerSecond=-24.0), "Cannot use shot.usda: its timeCodesPerSecond is -24, but must be a number"),
+    (metadata(framesPerSecond=0.0), "shot.usda: fps must be"),
+    (metadata(framesPerSecond=np.inf), "shot.usda: fps must be"),
+    (metadata(endTimeCode=np.inf), "Cannot use shot.usda: its time codes from 0 to inf have no end."),
+    (metadata(endTimeCode=1e300), "shot.usda: frames must be"),
+    (metadata(endTimeCode=np.nan), "Cannot use shot.usda: its time codes from 0 to nan have no end."),
+    (metadata(startTimeCode=-np.inf), "Cannot use shot.usda: its startTimeCode is -inf, but must be a finite number."),
     (stiffer_in_shear, "The fabric of /World/Fabric cannot be used"),
     (pins_out_of_range, "The pins /World/Shirt/pins name point 25, which is not one of 0 to 24."),
     (edge_pins, "The pins /World/Shirt/pins are a subset of edges; make it one of points or faces."),

@@ -4,9 +4,10 @@ import os
 from pathlib import Path
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Usd, UsdGeom, UsdPhysics
 
 from ...errors import UsdError
+from ...meshes.stage_units import number_fault, si_matrix, unit_fault
 from .failures import as_usd_error, quietly
 
 READABLE = (".usd", ".usda", ".usdc", ".usdz")
@@ -16,7 +17,7 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
     """The stage in a USD file, as it is on disk now.
 
     Raises:
-        UsdError: when the file is missing, empty, not USD, or corrupt.
+        UsdError: when the file is missing, empty, not USD, or corrupt, or has no usable units.
     """
     file = Path(path).expanduser().absolute()
     if file.is_dir():
@@ -30,16 +31,20 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
     with as_usd_error(f"Cannot read {path}"), quietly():
         stage = Usd.Stage.Open(str(file))
         stage.Reload()  # somebody in this process may hold an older state of the file
+    fault = (
+        unit_fault(stage)
+        or number_fault("kilogramsPerUnit", UsdPhysics.GetStageKilogramsPerUnit(stage))
+        or number_fault("timeCodesPerSecond", stage.GetTimeCodesPerSecond())
+    )
+    if fault:
+        raise UsdError(f"Cannot use {file.name}: {fault}.")
     return stage
 
 
-def si_matrix(stage: Usd.Stage) -> np.ndarray:
-    """The 4 × 4 matrix that takes the stage's axes and units to Z up and metres."""
-    matrix = np.eye(4)
-    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
-        matrix[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-    matrix[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
-    return matrix
+def frame_rate(stage: Usd.Stage) -> float:
+    """Frames per second: as the stage says, or else one frame for each time code."""
+    said = stage.HasAuthoredMetadata("framesPerSecond")
+    return float(stage.GetFramesPerSecond() if said else stage.GetTimeCodesPerSecond())
 
 
 def world_matrix(prim: Usd.Prim, code: Usd.TimeCode | float) -> np.ndarray:

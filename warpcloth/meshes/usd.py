@@ -12,6 +12,7 @@ from pxr import Tf, Usd, UsdGeom, UsdUtils
 from ..errors import MeshError
 from .check import refuse_non_finite
 from .choose import Part, chosen
+from .stage_units import si_matrix, unit_fault
 from .trianglemesh import TriangleMesh
 from .triangulate import triangulate
 
@@ -25,7 +26,7 @@ def read_usd(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     out, unless there are no others or ``prim`` names one.
 
     Raises:
-        MeshError: when the file cannot be read, or holds several meshes and none is chosen.
+        MeshError: when the file cannot be read or has no usable units, or holds several meshes and none is chosen.
     """
     collected = UsdUtils.CoalescingDiagnosticDelegate()  # keeps warnings about damaged files off stderr
     try:
@@ -41,12 +42,14 @@ def read_usd(path: Path, prim: str | None, join: bool) -> TriangleMesh:
 def _chosen(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     stage = Usd.Stage.Open(str(path.absolute()))
     stage.Reload()  # this process may hold an older state of the file
-    to_si = _to_si(stage)
+    fault = unit_fault(stage)
+    if fault:
+        raise MeshError(f"The USD file '{path.name}' cannot be used: {fault}.")
     cache = UsdGeom.XformCache(TIME)
     parts, shown = [], []
     for mesh, matrix in _placed_meshes(stage, cache):
         where = str(mesh.GetPath())
-        part = Part(where, partial(_placed, mesh, where.rsplit("/", 1)[-1], to_si @ matrix))
+        part = Part(where, partial(_placed, mesh, where.rsplit("/", 1)[-1], si_matrix(stage) @ matrix))
         parts.append(part)
         if _is_shown(mesh):
             shown.append(part)
@@ -61,15 +64,6 @@ def _reason(error: Tf.ErrorException) -> str:
         said = []
     telling = [line.rstrip("' .") for line in said if not line.startswith("Failed to open layer")]
     return telling[0] if telling else "it is damaged or not USD"
-
-
-def _to_si(stage: Usd.Stage) -> np.ndarray:
-    """The 4 × 4 matrix from the stage's axes and units to Z up and metres."""
-    matrix = np.eye(4)
-    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
-        matrix[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-    matrix[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
-    return matrix
 
 
 def _placed_meshes(stage: Usd.Stage, cache: UsdGeom.XformCache) -> Iterator[tuple[UsdGeom.Mesh, np.ndarray]]:
