@@ -74,6 +74,7 @@ def test_axes_units_and_time_codes_of_the_stage_are_kept(tmp_path):
     assert UsdGeom.GetStageUpAxis(stage) == "Y"
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1001.0, 1009.0)
     assert (stage.GetTimeCodesPerSecond(), stage.GetFramesPerSecond()) == (48.0, 24.0)
+    assert check_cache(told.output).fps == 24.0
     mesh = UsdGeom.Mesh.Get(stage, "/World/Shirt")
     assert mesh.GetPointsAttr().GetTimeSamples() == [1001.0, 1003.0, 1005.0, 1007.0, 1009.0]
     for frame in range(5):
