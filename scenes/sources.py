@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 from warpcloth.errors import UsdError
 from warpcloth.meshes import resolve_asset
+from warpcloth.meshes.load import USD_SUFFIXES
 
 from .schema import Scene
 from .schema.files import mesh_source
 
 if TYPE_CHECKING:
     from pxr import Usd
-
-STAGES = (".usd", ".usda", ".usdc", ".usdz")
 
 
 def spare_sources(output: Path, scene: Scene) -> None:
@@ -55,7 +54,7 @@ def layer_files(stage: "Usd.Stage") -> list[Path]:
 
 def _files(path: Path) -> list[Path]:
     """A mesh file or stage, and the files that it refers to."""
-    if path.suffix.lower() not in STAGES:
+    if path.suffix.lower() not in USD_SUFFIXES:
         return [path]
     from pxr import Usd
 
