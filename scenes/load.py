@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from warpcloth.errors import SceneError
+from warpcloth.validate import is_utf8
 
 from .overrides import apply_overrides, shorten
 from .schema import Scene, explain, suggest
@@ -64,6 +65,8 @@ def find_scene(name_or_path: str | Path) -> Path:
     wanted = str(name_or_path)
     if wanted in bundled_scenes():
         return BUNDLED / f"{wanted}.toml"
+    if not is_utf8(wanted):
+        raise SceneError(f"{shorten(wanted)!r} is not UTF-8 text, so it cannot name a scene")
     path = Path(wanted).expanduser() if wanted.startswith("~/") else Path(wanted)
     try:
         if path.suffix in (".toml", *STAGES) and path.is_file():

@@ -8,6 +8,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 
 from ...errors import UsdError
 from ...meshes.stage_units import number_fault, si_matrix, unit_fault
+from ...validate import is_utf8
 from .failures import as_usd_error, quietly
 
 READABLE = (".usd", ".usda", ".usdc", ".usdz")
@@ -20,6 +21,8 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
         UsdError: when the file is missing, empty, not USD, or corrupt, or has no usable units.
     """
     file = Path(path).expanduser().absolute()
+    if not is_utf8(file):
+        raise UsdError(f"Cannot read {str(file)!r}: USD needs a path that is UTF-8 text.")
     if file.is_dir():
         raise UsdError(f"Cannot read {path}: it is a folder, not a USD file.")
     if not file.exists():

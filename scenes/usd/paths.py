@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...errors import UsdError
+from ...validate import is_utf8
 
 FORMATS = (".usdc", ".usda", ".usdz")
 
@@ -55,10 +56,13 @@ def output_target(path: str | os.PathLike) -> Target:
     """Checks, before any work is done, that a cache can be written to ``path``.
 
     Raises:
-        UsdError: unknown extension, a folder that is missing or not writable, or a path that is itself a folder.
+        UsdError: unknown extension, a folder that is missing or not writable, a path that is itself a folder, or one
+            that is not UTF-8 text.
     """
     target = Target(Path(path).expanduser().absolute())
     name, folder = target.final.name, target.final.parent
+    if not is_utf8(target.final):
+        raise UsdError(f"Cannot write the cache {str(target.final)!r}: USD needs a path that is UTF-8 text.")
     try:
         if target.final.suffix not in FORMATS:
             raise UsdError(f"Cannot write the cache: {path} must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}.")

@@ -10,6 +10,7 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdUtils
 
 from ..errors import MeshError
+from ..validate import is_utf8
 from .check import refuse_non_finite
 from .choose import Part, chosen
 from .stage_units import si_matrix, unit_fault
@@ -40,6 +41,8 @@ def read_usd(path: Path, prim: str | None, join: bool) -> TriangleMesh:
 
 
 def _chosen(path: Path, prim: str | None, join: bool) -> TriangleMesh:
+    if not is_utf8(path.absolute()):
+        raise MeshError(f"The USD file {str(path.absolute())!r} cannot be read: USD needs a path that is UTF-8 text.")
     stage = Usd.Stage.Open(str(path.absolute()))
     stage.Reload()  # this process may hold an older state of the file
     fault = unit_fault(stage)
