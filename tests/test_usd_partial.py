@@ -115,5 +115,15 @@ def test_a_shot_that_is_interrupted_leaves_no_half_of_itself(tmp_path, monkeypat
     assert not [name for name in names(tmp_path) if "partial" in name]
 
 
+@pytest.mark.parametrize("ending", ["usda", "usdz"])
+def test_a_name_that_only_the_layer_of_a_shot_makes_too_long_is_one_sentence(tmp_path, ending):
+    add_cloth(stage := new_stage(tmp_path / "asset.usda"))
+    stage.Save()
+    longest = 255 - len(f".{os.getpid()}-01234567.partial.usdc")
+    with pytest.raises(UsdError, match=r"^Cannot write the cache x+\.cache\.usdc: "):
+        ShotWriter(tmp_path / f"{longest * 'x'}.{ending}", read_shot(tmp_path / "asset.usda"), 24.0, {})
+    assert names(tmp_path) == ["asset.usda"]
+
+
 def signal_of_the_user():
     raise KeyboardInterrupt

@@ -57,7 +57,6 @@ class ShotWriter(FrameWriter):
         codes = [clock.code(frame) for frame in range(frames + 1)]
         facts = {"version": __version__, **provenance, ASSET: shot.path.name}
         try:
-            cache.final.parent.mkdir(exist_ok=True)
             file = GrowingStage(cache, _layer(cache, shot.stage, fps, facts), clock)
             overs: dict[str, SampledCloth] = {
                 part.cloth.name: ClothOver(file.stage, part, codes, INSTANT * clock.step) for part in shot.parts
@@ -122,6 +121,8 @@ class _Files:
 
 def _layer(target: Target, source: Usd.Stage, fps: float, provenance: Mapping[str, Any]) -> Usd.Stage:
     """A new stage of nothing but the cache layer, with the units of the stage it is to go over."""
+    with as_usd_error(f"Cannot write the cache {target.final.name}"):
+        target.final.parent.mkdir(exist_ok=True)
     stage = new_stage(target)
     _set_units(stage, source, fps)
     stage.GetRootLayer().customLayerData = with_provenance({}, provenance)

@@ -1,5 +1,6 @@
 """Where a cache is written, and the file it grows in until it is complete."""
 
+import contextlib
 import errno
 import os
 import secrets
@@ -46,9 +47,10 @@ class Target:
         return self.final.with_name(f"{self.final.stem}.{self.mark}.partial")
 
     def discard(self, keep: Path | None = None) -> None:
-        """Removes what there is under other names than the final one, but not ``keep``."""
+        """Removes what there is under other names than the final one, as far as it can be, but not ``keep``."""
         for path in {self.partial, self.converted} - {keep}:
-            path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # what has led here is what the user should hear of
+                path.unlink(missing_ok=True)
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
