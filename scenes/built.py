@@ -13,6 +13,7 @@ from warpcloth.model import Model
 from warpcloth.simulation import Simulation
 
 from .schema import Network, Scene
+from .sources import spare_sources
 from .usd import CacheWriter
 
 if TYPE_CHECKING:
@@ -45,7 +46,12 @@ class BuiltScene:
         return BuiltScene(scene, cloths, obstacles, scene.build_network())
 
     def writer(self, output: Path) -> CacheWriter:
-        """A cache for this scene, with all there is to see."""
+        """A cache for this scene, with all there is to see.
+
+        Raises:
+            UsdError: nothing can be written to ``output``, or the scene is read from it.
+        """
+        spare_sources(output, self.scene)
         shown = self.cloths if self.network is None else [self.network]
         return CacheWriter(output, shown, self.obstacles, self.scene.fps, provenance(self.scene))
 
@@ -55,7 +61,7 @@ class BuiltScene:
             return self.writer(output)
         from .shots.layers import ShotWriter
 
-        return ShotWriter(output, self.shot, self.scene.fps, provenance(self.scene))
+        return ShotWriter(output, self.shot, self.scene.fps, provenance(self.scene), self.scene.frames)
 
 
 def _shot(scene: Scene) -> "Shot":

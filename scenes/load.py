@@ -8,12 +8,14 @@ from typing import Any
 from pydantic import ValidationError
 
 from warpcloth.errors import SceneError
+from warpcloth.validate import is_utf8
 
 from .overrides import apply_overrides, shorten
 from .schema import Scene, explain, suggest
 
 BUNDLED = Path(__file__).parent / "bundled"
 STAGES = (".usd", ".usda", ".usdc", ".usdz")
+BYTE_ORDER_MARK = "\ufeff"
 LARGEST_FILE = 64 * 2**20  # bytes; a scene file is text that a person writes
 
 
@@ -47,7 +49,11 @@ def load_scene(
         return _scene_of_stage(path, overrides, {"cloth": list(cloth), "collider": list(collider)})
     if cloth or collider:
         raise SceneError(f"{path.name} is not a USD stage, so no prims of it can be chosen as cloth or collider")
-    return scene_from_toml(read_text(path), name=path.stem, folder=path.parent, source=path.name, overrides=overrides)
+    try:
+        text = read_text(path)
+    except SceneError as error:
+        raise SceneError(_prefixed(path.name, str(error))) from None
+    return scene_from_toml(text, name=path.stem, folder=path.parent, source=path.name, overrides=overrides)
 
 
 def find_scene(name_or_path: str | Path) -> Path:
@@ -59,6 +65,8 @@ def find_scene(name_or_path: str | Path) -> Path:
     wanted = str(name_or_path)
     if wanted in bundled_scenes():
         return BUNDLED / f"{wanted}.toml"
+    if not is_utf8(wanted):
+        raise SceneError(f"{shorten(wanted)!r} is not UTF-8 text, so it cannot name a scene")
     path = Path(wanted).expanduser() if wanted.startswith("~/") else Path(wanted)
     try:
         if path.suffix in (".toml", *STAGES) and path.is_file():
@@ -75,19 +83,19 @@ def find_scene(name_or_path: str | Path) -> Path:
 
 
 def read_text(path: Path) -> str:
-    """Text of a scene file.
+    """Text of a scene file, without the mark that some editors put before it.
 
     Raises:
-        SceneError: It cannot be read.
+        SceneError: It cannot be read; the message leaves it to the caller to name the file.
     """
     try:
         if path.stat().st_size > LARGEST_FILE:
-            raise SceneError(f"{path.name}: the file is larger than {LARGEST_FILE >> 20} MiB, so it is not a scene")
-        return path.read_text(encoding="utf-8")
+            raise SceneError(f"the file is larger than {LARGEST_FILE >> 20} MiB, so it is not a scene")
+        return path.read_text(encoding="utf-8").removeprefix(BYTE_ORDER_MARK)
     except UnicodeDecodeError as error:
-        raise SceneError(f"{path.name}: the file is not UTF-8 text (byte {error.start})") from None
+        raise SceneError(f"the file is not UTF-8 text (byte {error.start})") from None
     except OSError as error:
-        raise SceneError(f"{path.name}: the file cannot be read: {error.strerror}") from None
+        raise SceneError(f"the file cannot be read: {error.strerror}") from None
 
 
 def scene_from_toml(

@@ -103,6 +103,16 @@ def test_files_by_pattern_are_found_beside_the_sweep(tmp_path):
     assert load_sweep(tmp_path / "sweep.toml").identity != sweep.identity == Sweep.from_json(sweep.as_json()).identity
 
 
+def test_a_file_that_is_not_text_is_named_once_and_a_byte_order_mark_is_nothing(tmp_path):
+    path = written(tmp_path, f'scene = "scene.toml"\ncount = 2\n[[parameter]]\n{UNIFORM}\n')
+    plain = load_sweep(path)
+    path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert load_sweep(path).identity == plain.identity
+    path.write_bytes(b"scene = '\xff'")
+    with pytest.raises(SceneError, match=r"^sweep\.toml: the file is not UTF-8 text \(byte 9\)$"):
+        load_sweep(path)
+
+
 UNIFORM = 'path = "cloth.0.position.2"\nuniform = [0.3, 0.5]'
 
 

@@ -137,3 +137,52 @@ def test_holes_are_left_open(tmp_path):
     mesh.CreateHoleIndicesAttr([1])
     stage.Save()
     assert area(read_mesh(tmp_path / "holes.usda")) == pytest.approx(1.0)
+
+
+def scattered(path, *, positions=2, indices=(0, 0), ids=None, prototypes=("/scatter/sheet",)):
+    stage, _ = write_usd(path, prim="/scatter/sheet")
+    scatter = UsdGeom.PointInstancer.Define(stage, "/scatter")
+    scatter.CreatePositionsAttr([(0, 0, k) for k in range(positions)])
+    scatter.CreateProtoIndicesAttr(list(indices))
+    scatter.CreatePrototypesRel().SetTargets(list(prototypes))
+    if ids is not None:
+        scatter.CreateIdsAttr(ids)
+        scatter.InvisId(ids[0], Usd.TimeCode.Default())
+    stage.Save()
+    return path
+
+
+SCATTERS = [
+    ({"positions": 3}, "has 2 protoIndices but 3 positions; it needs as many of each"),
+    ({"positions": 0}, "has 2 protoIndices but 0 positions; it needs as many of each"),
+    ({"indices": ()}, "has 0 protoIndices but 2 positions; it needs as many of each"),
+    ({"ids": [1, 2, 3]}, "has 2 protoIndices but 3 ids; it needs as many of each"),
+    ({"indices": (0, 1)}, "refers to prototype 1, but has 1, counted from 0"),
+    ({"indices": (0, -1)}, "refers to prototype -1, but has 1, counted from 0"),
+    ({"prototypes": ()}, "refers to prototype 0, but has 0, counted from 0"),
+    ({"prototypes": ("/scatter/leaf",)}, "refers to the prototype /scatter/leaf, which does not exist"),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), SCATTERS)
+def test_point_instancers_that_do_not_fit_are_refused(tmp_path, options, words):
+    assert len(read_mesh(scattered(tmp_path / "good.usda", ids=[7, 8]), join=True).points) == 4
+    with pytest.raises(MeshError, match=f"The point instancer /scatter {words}"):
+        read_mesh(scattered(tmp_path / "bad.usda", **options), join=True)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("upAxis", "X", "its upAxis is 'X', but must be 'Y' or 'Z'"),
+        ("metersPerUnit", -1.0, "its metersPerUnit is -1, but must be a number above 0"),
+        ("metersPerUnit", 0.0, "its metersPerUnit is 0, but must be a number above 0"),
+        ("metersPerUnit", np.nan, "its metersPerUnit is nan, but must be a number above 0"),
+    ],
+)
+def test_units_that_are_none_are_refused(tmp_path, key, value, words):
+    stage, _ = write_usd(tmp_path / "sheet.usda")
+    stage.SetMetadata(key, value)
+    stage.Save()
+    with pytest.raises(MeshError, match=f"The USD file 'sheet.usda' cannot be used: {words}"):
+        read_mesh(tmp_path / "sheet.usda")

@@ -261,6 +261,11 @@ def test_files_that_are_not_text_are_refused(tmp_path):
         load_scene(tmp_path / "s.toml")
 
 
+def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path):
+    (tmp_path / "s.toml").write_text(GRID, encoding="utf-8-sig")
+    assert load_scene(tmp_path / "s.toml") == scene_from_toml(GRID, name="s", folder=tmp_path)
+
+
 def test_scenes_are_immutable_and_have_a_json_schema():
     scene = scene_from_toml(GRID)
     with pytest.raises(ValueError, match="frozen"):

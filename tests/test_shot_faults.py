@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pxr import Sdf, UsdGeom, UsdShade
+from pxr import Gf, Sdf, UsdGeom, UsdShade
 from shot_files import add_ball, add_cloth, add_mesh, new_stage, pin_points, set_thickness, sheet, to_stage
 
 from warpcloth.cli import run
@@ -60,6 +60,46 @@ def branching(stage):
 def flattened(stage):
     add_cloth(stage)
     UsdGeom.XformCommonAPI(stage.GetPrimAtPath("/World/Shirt")).SetScale((1.0, 1.0, 0.0))
+
+
+def flattened_later(stage):
+    scale = UsdGeom.Xformable(add_cloth(stage)).AddScaleOp()
+    for code, size in ((0, 1.0), (2, 0.0), (4, 1.0)):
+        scale.Set(Gf.Vec3f(size), code)
+
+
+def turned_inside_out(stage):
+    """Between two samples, of which none flattens."""
+    scale = UsdGeom.Xformable(add_cloth(stage)).AddScaleOp()
+    for code, size in ((1, 1.0), (5, -1.0)):
+        scale.Set(Gf.Vec3f(1.0, 1.0, size), code)
+
+
+def nan_transform(stage):
+    UsdGeom.Xformable(add_cloth(stage)).AddTransformOp().Set(Gf.Matrix4d(np.nan))
+
+
+def nan_transform_later(stage):
+    move = UsdGeom.Xformable(add_cloth(stage)).AddTranslateOp()
+    for code, height in ((0, 0.0), (2, np.nan), (4, 0.0)):
+        move.Set(Gf.Vec3d(0.0, 0.0, height), code)
+
+
+def nan_ball(stage):
+    add_cloth(stage)
+    add_ball(stage).GetOrderedXformOps()[0].Set(Gf.Vec3d(0.0, np.inf, 0.0), 2)
+
+
+def metadata(**values):
+    """Something that the stage says of itself."""
+
+    def spoil(stage):
+        add_cloth(stage)
+        for key, value in values.items():
+            stage.SetMetadata(key, value)
+
+    spoil.__name__ = "_".join(f"{key}_{value}" for key, value in values.items())
+    return spoil
 
 
 def stiffer_in_shear(stage):
@@ -139,6 +179,22 @@ FAULTS = [
     (face_out_of_range, "a face refers to vertex 25, which is not one of 0 to 24"),
     (branching, "is not manifold"),
     (flattened, "flattens space"),
+    (flattened_later, "Prim /World/Shirt has a transform that flattens space at time code 2; cloth needs a scale"),
+    (turned_inside_out, "Prim /World/Shirt has a transform that flattens space at time code 3; cloth needs a scale"),
+    (nan_transform, "Prim /World/Shirt has a transform that is not of finite numbers at time code 0."),
+    (nan_transform_later, "Prim /World/Shirt has a transform that is not of finite numbers at time code 1."),
+    (nan_ball, "Prim /World/Ball has a transform that is not of finite numbers at time code 2."),
+    (metadata(upAxis="X"), "Cannot use shot.usda: its upAxis is 'X', but must be 'Y' or 'Z'."),
+    (metadata(metersPerUnit=-1.0), "Cannot use shot.usda: its metersPerUnit is -1, but must be a number above 0."),
+    (metadata(kilogramsPerUnit=np.nan), "Cannot use shot.usda: its kilogramsPerUnit is nan, but must be a number"),
+    (metadata(timeCodesPerSecond=0.0), "Cannot use shot.usda: its timeCodesPerSecond is 0, but must be a number above"),
+    (metadata(timeCodesPerSecond=-24.0), "Cannot use shot.usda: its timeCodesPerSecond is -24, but must be a number"),
+    (metadata(framesPerSecond=0.0), "shot.usda: fps must be"),
+    (metadata(framesPerSecond=np.inf), "shot.usda: fps must be"),
+    (metadata(endTimeCode=np.inf), "Cannot use shot.usda: its time codes from 0 to inf have no end."),
+    (metadata(endTimeCode=1e300), "shot.usda: frames must be"),
+    (metadata(endTimeCode=np.nan), "Cannot use shot.usda: its time codes from 0 to nan have no end."),
+    (metadata(startTimeCode=-np.inf), "Cannot use shot.usda: its startTimeCode is -inf, but must be a finite number."),
     (stiffer_in_shear, "The fabric of /World/Fabric cannot be used"),
     (pins_out_of_range, "The pins /World/Shirt/pins name point 25, which is not one of 0 to 24."),
     (edge_pins, "The pins /World/Shirt/pins are a subset of edges; make it one of points or faces."),
@@ -237,3 +293,11 @@ def test_thickness_without_meaning_is_left_out(tmp_path, monkeypatch):
     set_thickness(add_cloth(stage, density=-1.0), float("inf"))
     stage.Save()
     assert run(["simulate", "shot.usda", "--device", "cpu"]) == 0
+
+
+def test_a_transform_may_flatten_cloth_when_it_is_not_simulated(tmp_path):
+    scale = UsdGeom.Xformable(add_cloth(stage := new_stage(tmp_path / "shot.usda"))).AddScaleOp()
+    for code, size in ((-5, 0.0), (0, 1.0), (4, 1.0), (9, 0.0)):
+        scale.Set(Gf.Vec3f(size), code)
+    stage.Save()
+    assert run(["simulate", str(tmp_path / "shot.usda"), "-o", str(tmp_path / "out.usda"), "--device", "cpu"]) == 0

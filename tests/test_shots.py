@@ -1,12 +1,13 @@
 """USD stages simulated from beginning to end: what comes out beside the stage, which stays as it is."""
 
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 import warp
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 from shot_files import (
     add_ball,
     add_cloth,
@@ -23,7 +24,7 @@ from warpcloth.scenes.usd import check_cache
 from warpcloth.scenes.usd.check_stage import validator_errors
 
 from warpcloth.cli import run
-from warpcloth.errors import InputError
+from warpcloth.errors import InputError, UsdError
 
 ASSETS = Path(warp.__file__).parent / "examples" / "assets"
 
@@ -73,6 +74,7 @@ def test_axes_units_and_time_codes_of_the_stage_are_kept(tmp_path):
     assert UsdGeom.GetStageUpAxis(stage) == "Y"
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1001.0, 1009.0)
     assert (stage.GetTimeCodesPerSecond(), stage.GetFramesPerSecond()) == (48.0, 24.0)
+    assert check_cache(told.output).fps == 24.0
     mesh = UsdGeom.Mesh.Get(stage, "/World/Shirt")
     assert mesh.GetPointsAttr().GetTimeSamples() == [1001.0, 1003.0, 1005.0, 1007.0, 1009.0]
     for frame in range(5):
@@ -196,7 +198,7 @@ def test_packages_in_and_out(tmp_path, ending):
     (tmp_path / "out").mkdir()
     result = simulated(tmp_path / "napkin.usdz", tmp_path / "out" / f"napkin{ending}")
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert names == (["napkin.usdz"] if ending == ".usdz" else ["napkin.cache.usdc", "napkin.usdc"])
+    assert names == (["napkin.usdz"] if ending == ".usdz" else ["napkin.usdc", "napkin.usdc.cache.usdc"])
     assert result.particles == 81
     start, end = (cached_points(result.output, "/World/Cloth/napkin/mesh", code) for code in (0, 3))
     assert np.all(end[:, 2] < start[:, 2])
@@ -234,6 +236,30 @@ def test_an_exported_scene_moves_like_the_scene(tmp_path):
         expected = cached_points(plain.output, "/World/Cloth/napkin", frame)
         found = cached_points(told.output, "/World/Cloth/napkin/mesh", frame)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-7)
+
+
+def test_shots_of_one_name_have_layers_of_their_own(tmp_path):
+    """What another shot becomes changes nothing about the first."""
+    stage, files = small_shot(tmp_path / "shot.usda"), {}
+    for name, frames in (("k.usda", 3), ("k.usdc", 2), ("k.usdz", 1)):
+        result = simulated(stage, tmp_path / name, frames=frames)
+        assert check_cache(result.output).frames == frames + 1
+        assert all(path.read_bytes() == before for path, before in files.items())
+        files = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    names = ["k.cache.usdc", "k.usda", "k.usdc", "k.usdc.cache.usdc", "k.usdz", "shot.usda"]
+    assert sorted(path.name for path in files) == names
+    packed = zipfile.ZipFile(tmp_path / "k.usdz").namelist()
+    assert (packed[0], {Path(name).name for name in packed}) == ("k.usda", {"k.usda", "k.cache.usdc", "shot.usda"})
+
+
+def test_a_package_that_fails_is_kept_unpacked(tmp_path, monkeypatch):
+    stage = small_shot(tmp_path / "shot.usda")
+    monkeypatch.setattr(UsdUtils, "CreateNewUsdzPackage", lambda *_: False)
+    with pytest.raises(UsdError, match=r"^Cannot write k.usdz: the stage cannot be packed; the shot and its") as caught:
+        simulate(load_scene(stage), tmp_path / "k.usdz", device="cpu", frames=2)
+    folder = Path(str(caught.value).split(" kept in ")[1].rstrip("."))
+    assert check_cache(folder / "k.usda").frames == 3
+    assert sorted(path.name for path in tmp_path.iterdir()) == [folder.name, "shot.usda"]
 
 
 def test_output_must_spare_what_the_stage_consists_of(tmp_path):

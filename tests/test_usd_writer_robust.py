@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom
-from usd_shots import FPS, frame_of, one_of_each, two_cloths, write_frames, write_shot
+from usd_shots import FPS, frame_of, one_of_each, partial_of, two_cloths, write_frames, write_shot
 from warpcloth.scenes.usd import CacheWriter, growing
 from warpcloth.scenes.usd.crate import read_tables, save_again
 from warpcloth.scenes.usd.mesh_prims import ClothPrim
@@ -31,6 +31,9 @@ def meshes(stage: Usd.Stage) -> list[UsdGeom.Mesh]:
         ("shot", "must end in"),
         ("missing/shot.usdc", "does not exist"),
         ("folder.usdc", "is a folder"),
+        ("folder", "must end in"),
+        (f"{240 * 'x'}.usdc", "its name is too long"),
+        (f"{300 * 'x'}.usdc", "its name is too long"),
     ],
 )
 def test_unusable_outputs_are_refused_before_anything_is_made(tmp_path, name, words):
@@ -117,7 +120,7 @@ def test_other_exceptions_leave_what_was_there(tmp_path):
 
 def test_without_a_frame_there_is_no_file(tmp_path):
     with CacheWriter(tmp_path / "shot.usdc", two_cloths()) as writer:
-        assert (tmp_path / "shot.partial.usdc").exists()
+        assert partial_of(tmp_path / "shot.usdc")
     assert writer.close() is None
     assert list(tmp_path.iterdir()) == []
 
@@ -196,10 +199,11 @@ def test_a_kill_at_any_moment_leaves_only_whole_files(tmp_path):
         process.communicate()
         if path.exists():
             assert whole_frames(path) == frames
-        partial = path.with_name("shot.partial.usdc")
-        if partial.exists():
+        partial = partial_of(path)
+        if partial:
             partials += 1
             assert whole_frames(partial) <= frames
+            partial.unlink()
     assert path.exists()
     assert partials > 2
 
@@ -225,9 +229,9 @@ def whole_frames(path: Path) -> int:
 def test_death_in_the_middle_of_a_save_loses_nothing_saved_before(tmp_path, monkeypatch):
     """OpenUSD writes new values over the old tables, and only then points the header at new ones; stop it there."""
     cloths, path = two_cloths(), tmp_path / "shot.usdc"
-    partial = path.with_name("shot.partial.usdc")
     monkeypatch.setattr(growing, "SAVE_BYTES", 1)
     writer = CacheWriter(path, cloths, one_of_each(), FPS)
+    partial = partial_of(path)
     write_frames(writer, cloths, range(5))
     with partial.open("rb") as file:
         start, end, _ = read_tables(file)

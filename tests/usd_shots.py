@@ -54,3 +54,10 @@ def write_shot(path: Path, obstacles: list | None = None, last: int = LAST) -> P
     with CacheWriter(path, cloths, one_of_each() if obstacles is None else obstacles, FPS, {"scene": "test"}) as writer:
         write_frames(writer, cloths, range(last + 1))
     return writer.close()
+
+
+def partial_of(path: Path) -> Path | None:
+    """The file in which a cache grows that is to become ``path``, if there is one."""
+    found = list(path.parent.glob(f"{path.stem}.*.partial.usdc"))
+    assert len(found) < 2
+    return found[0] if found else None

@@ -143,6 +143,15 @@ def sentence(label: str) -> str:
     return label[:1].upper() + label[1:]
 
 
+def is_utf8(path: Any) -> bool:
+    """Whether a path can be passed on as UTF-8 text, as USD and JSON need it; on Linux any bytes may name a file."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def _converted(raw: np.ndarray, what: str, dtype: Any) -> np.ndarray:
     if np.issubdtype(dtype, np.integer):
         bounds = np.iinfo(dtype)

@@ -1,12 +1,14 @@
 """A simulated cloth as an opinion over the mesh it comes from."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from warpcloth.transforms import apply
 
 from ..usd.faces import mesh_triangles
-from ..usd.opening import transform_codes, world_matrix
+from ..usd.opening import local_matrix, transform_codes
 from ..usd.roles import CLOTH_ROLE, mark, set_number
 from ..usd.samples import SAMPLE_OVERHEAD, as_vectors, checked, vectors
 from ..usd.surface import VertexNormals, vertex_normals
@@ -21,19 +23,22 @@ class ClothOver:
     Args:
         layer: a stage of nothing but the layer to write to.
         part: the cloth and its mesh.
-        start: time code of second 0.
+        codes: time codes of the frames to come.
         instant: a time much shorter than a frame, in time codes.
+
+    Raises:
+        UsdError: at one of these times the mesh is in a frame that flattens space.
     """
 
-    def __init__(self, layer: Usd.Stage, part: ShotCloth, start: float, instant: float):
+    def __init__(self, layer: Usd.Stage, part: ShotCloth, codes: Sequence[float], instant: float):
         self.source, self.part, self.instant = part.mesh, part, instant
         prim = part.mesh.GetPrim()
         self.over = UsdGeom.Mesh(layer.OverridePrim(prim.GetPath()))
         _single_out(layer, prim)
         self.moves = bool(transform_codes(prim))
         self.rate = prim.GetStage().GetTimeCodesPerSecond()
-        self.to_world = world_matrix(prim, start)
-        first = as_vectors(part.mesh.GetPointsAttr().Get(Usd.TimeCode(start)))
+        self.to_local, *_ = (local_matrix(prim, code) for code in (codes if self.moves else codes[:1]))
+        first = as_vectors(part.mesh.GetPointsAttr().Get(Usd.TimeCode(codes[0])))
         self.local = first if len(first) else as_vectors(part.mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()))
         self.used = part.particle_of >= 0
         self.triangles = mesh_triangles(part.mesh, self.local)
@@ -44,7 +49,7 @@ class ClothOver:
 
     def write(self, code: float, points: np.ndarray, velocities: np.ndarray) -> int:
         """Sets one frame: world positions [m] and velocities [m/s], shape [n, 3]; returns the bytes held in memory."""
-        to_local = np.linalg.inv(world_matrix(self.source.GetPrim(), code) if self.moves else self.to_world)
+        to_local = local_matrix(self.source.GetPrim(), code) if self.moves else self.to_local
         world = self.checked(points, "points").astype(float)
         speeds = self.checked(velocities, "velocities").astype(float)
         local = apply(to_local, world)
@@ -84,7 +89,7 @@ class ClothOver:
         if not self.moves:
             return np.zeros(3)
         prim = self.source.GetPrim()
-        now, soon = (np.linalg.inv(world_matrix(prim, code + shift)) for shift in (0.0, self.instant))
+        now, soon = (local_matrix(prim, code + shift) for shift in (0.0, self.instant))
         return (apply(soon, world) - apply(now, world)) * (self.rate / self.instant)
 
     def _annotate(self) -> None:

@@ -14,6 +14,7 @@ from warpcloth.transforms import apply, placement
 
 from ..schema import Scene
 from ..schema.cloth import ClothTable, DiscTable, GridTable
+from ..sources import spare_sources
 from ..usd.failures import as_usd_error
 from ..usd.mesh_prims import ClothPrim
 from ..usd.network_prims import NetworkPrim
@@ -44,15 +45,17 @@ def export_scene(scene: Scene, path: str | os.PathLike) -> Path:
         path: ``.usda``, ``.usdc`` or ``.usdz``.
 
     Raises:
-        InputError: the scene is a stage already, or cannot be built; UsdError: ``path`` cannot be written.
+        InputError: the scene is a stage already, or cannot be built; UsdError: ``path`` cannot be written, or the
+            scene is read from it.
     """
     if scene.stage is not None:
         raise InputError(f"Scene '{scene.name}' is a USD stage already, {scene.stage.path}.")
     target = output_target(path)
     cloths, obstacles = scene.build()
     network = scene.build_network()
-    stage = create_stage(target.partial, scene.fps, {"scene": scene.name})
+    spare_sources(target.final, scene)
     try:
+        stage = create_stage(target, scene.fps, {"scene": scene.name})
         _physics_scene(stage, scene)
         bodies = zip(scene.cloth, cloths, prim_names([cloth.name for cloth in cloths]), strict=True)
         for table, cloth, name in bodies:
@@ -63,9 +66,8 @@ def export_scene(scene: Scene, path: str | os.PathLike) -> Path:
         _obstacles(stage, scene, cloths, obstacles)
         stage.SetEndTimeCode(scene.frames)
         _save(stage, target)
-    except BaseException:
-        target.partial.unlink(missing_ok=True)
-        raise
+    finally:
+        target.discard()
     return target.final
 
 
@@ -145,4 +147,3 @@ def _save(stage: Usd.Stage, target: Target) -> None:
         if not done:
             raise UsdError(f"Cannot write {target.final.name}: the stage could not be converted.")
         publish(target)
-        target.partial.unlink(missing_ok=True)

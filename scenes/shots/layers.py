@@ -11,12 +11,13 @@ from pxr import Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 from warpcloth import __version__
 from warpcloth.errors import UsdError
 
+from ..sources import layer_files, spare
 from ..usd.clock import Clock
 from ..usd.failures import as_usd_error
 from ..usd.frames import FrameWriter, SampledCloth
 from ..usd.growing import GrowingStage
 from ..usd.paths import Target, output_target, publish
-from ..usd.stage import ASSET, PROVENANCE, with_provenance
+from ..usd.stage import ASSET, PROVENANCE, new_stage, with_provenance
 from ..usd.writer import check_rate
 from .cloth_over import ClothOver
 from .network import NetworkOver
@@ -29,32 +30,36 @@ INSTANT = 0.01  # of a frame, over which the motion of a frame of reference is t
 class ShotWriter(FrameWriter):
     """Streams frames into a cache layer; at the end writes the shot, which has that layer over the stage.
 
-    For ``-o shot_sim.usda`` the layer is ``shot_sim.cache.usdc`` beside it. A ``.usdz`` holds the shot, the layer and
-    everything that the stage refers to.
+    For ``-o shot_sim.usda`` the layer is ``shot_sim.cache.usdc`` beside it, for ``-o shot_sim.usdc`` it is
+    ``shot_sim.usdc.cache.usdc``, so that each shot has its own. A ``.usdz`` holds the shot, the layer and everything
+    that the stage refers to.
 
     Args:
         path: of the shot: ``.usda``, ``.usdc`` or ``.usdz``.
         shot: what is simulated.
         fps: frames per second, > 0.
         provenance: facts to keep in both files.
+        frames: how many are to come after the first.
 
     Raises:
-        UsdError: when nothing can be written to ``path``, or when that is one of the files that the stage consists of.
+        UsdError: when nothing can be written to ``path``, when that is one of the files that the stage consists of, or
+            when one of the frames cannot be written to the stage.
     """
 
-    def __init__(self, path: str | os.PathLike, shot: Shot, fps: float, provenance: Mapping[str, Any]):
+    def __init__(self, path: str | os.PathLike, shot: Shot, fps: float, provenance: Mapping[str, Any], frames: int = 0):
         check_rate(fps)
         self._target = output_target(path)
-        cache = Target(self._target.final.with_suffix(".cache.usdc"))
-        _spare_sources(shot, (self._target.final, cache.final))
+        cache = Target(_cache_file(self._target))
+        spare((self._target.final, cache.final), layer_files(shot.stage), f"stage {shot.path.name}")
         self._shot = shot
         rate = shot.stage.GetTimeCodesPerSecond()
         clock = Clock(shot.start, rate / fps)
+        codes = [clock.code(frame) for frame in range(frames + 1)]
         facts = {"version": __version__, **provenance, ASSET: shot.path.name}
-        file = GrowingStage(cache, _layer(cache.partial, shot.stage, fps, facts), clock)
         try:
+            file = GrowingStage(cache, _layer(cache, shot.stage, fps, facts), clock)
             overs: dict[str, SampledCloth] = {
-                part.cloth.name: ClothOver(file.stage, part, shot.start, INSTANT * clock.step) for part in shot.parts
+                part.cloth.name: ClothOver(file.stage, part, codes, INSTANT * clock.step) for part in shot.parts
             }
             if shot.network is not None:
                 overs[shot.network.network.name] = NetworkOver(file.stage, shot.network)
@@ -63,23 +68,46 @@ class ShotWriter(FrameWriter):
             super().__init__(file, float(fps), overs, [])
             file.save()
         except BaseException:
-            file.discard()
+            cache.discard()
+            self._target.discard()
             raise
 
     def close(self) -> Path | None:
         """Completes both files; returns the path of the shot, or None if there is not one frame.
 
         Raises:
-            UsdError: when the disk does not take it; what is written so far is then kept.
+            UsdError: when the disk does not take it; the message has the file in which frames are kept.
         """
         if self._closed:
             return self._target.final if self.frames else None
-        cache = super().close()
-        if cache is None:
-            return None
-        with as_usd_error(f"Cannot write the shot {self._target.final.name}"):
-            _finish(_Files(self._target, cache, self._shot))
+        try:
+            cache = super().close()
+            if cache is None:
+                return None
+            with as_usd_error(f"Cannot write the shot {self._target.final.name}, whose frames are kept in {cache}"):
+                _finish(_Files(self._target, cache, self._shot))
+        except UsdError:
+            self._target.converted.unlink(missing_ok=True)
+            raise
+        except BaseException:
+            self._target.discard()
+            raise
+        self._target.discard()
         return self._target.final
+
+    def abort(self) -> None:
+        """Removes what is written so far; files under the final names stay as they were."""
+        if not self._closed:
+            super().abort()
+            self._target.discard()
+
+
+def _cache_file(target: Target) -> Path:
+    """Where the cache layer of a shot is; before it is packed, in a folder of its own."""
+    if target.final.suffix == ".usdz":
+        return target.folder / f"{target.final.stem}.cache.usdc"
+    whole = target.final.stem if target.final.suffix == ".usda" else target.final.name
+    return target.final.with_name(f"{whole}.cache.usdc")
 
 
 @dataclass(frozen=True)
@@ -91,10 +119,11 @@ class _Files:
     shot: Shot
 
 
-def _layer(path: Path, source: Usd.Stage, fps: float, provenance: Mapping[str, Any]) -> Usd.Stage:
+def _layer(target: Target, source: Usd.Stage, fps: float, provenance: Mapping[str, Any]) -> Usd.Stage:
     """A new stage of nothing but the cache layer, with the units of the stage it is to go over."""
-    with as_usd_error(f"Cannot write the cache {path.name}"):
-        stage = Usd.Stage.CreateNew(str(path))
+    with as_usd_error(f"Cannot write the cache {target.final.name}"):
+        target.final.parent.mkdir(exist_ok=True)
+    stage = new_stage(target)
     _set_units(stage, source, fps)
     stage.GetRootLayer().customLayerData = with_provenance({}, provenance)
     root = _root(source)
@@ -123,27 +152,19 @@ def _finish(files: _Files) -> None:
     """Writes the shot beside the cache; packs both where that is asked for."""
     target = files.target
     packed = target.final.suffix == ".usdz"
-    draft = target.converted.with_suffix(".usda") if packed else target.converted
+    draft = target.folder / f"{target.final.stem}.usda" if packed else target.converted
     _write_shot(draft, files)
-    if packed:
-        if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(draft)), str(target.converted), _packed_name(target)):
-            raise UsdError(f"Cannot write {target.final.name}: the stage cannot be packed; use .usda in its place.")
-        draft.unlink()
+    if packed and not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(draft)), str(target.converted), draft.name):
+        kept = f"the shot and its frames are kept in {draft.parent}"
+        raise UsdError(f"Cannot write {target.final.name}: the stage cannot be packed; {kept}.")
     publish(target)
-    if packed:
-        files.cache.unlink()
     stale = Sdf.Layer.Find(str(target.final))
     if stale:  # somebody in this process still has the file open that was just replaced
         stale.Reload(force=True)
 
 
-def _packed_name(target: Target) -> str:
-    return target.final.with_suffix(".usda").name
-
-
 def _write_shot(path: Path, files: _Files) -> None:
     """A layer with the cache over the stage, and the stage's own settings, which sublayers do not pass on."""
-    path.unlink(missing_ok=True)
     source, asset = files.shot.stage, files.shot.stage.GetRootLayer()
     layer = Sdf.Layer.CreateNew(str(path))
     keep = {"subLayers", "subLayerOffsets", "primChildren", "customLayerData", "documentation"}
@@ -168,16 +189,3 @@ def _reference(file: Path, shot: Path) -> str:
         return file.absolute().as_posix()
     text = relative.as_posix()
     return text if text.startswith("../") else f"./{text}"
-
-
-def _spare_sources(shot: Shot, outputs: tuple[Path, ...]) -> None:
-    """Refuses to write over a file that the stage consists of.
-
-    Raises:
-        UsdError: naming it.
-    """
-    sources = {Path(layer.realPath).resolve() for layer in shot.stage.GetUsedLayers() if layer.realPath}
-    for output in outputs:
-        if output.resolve() in sources:
-            rule = "give another name with -o"
-            raise UsdError(f"Cannot write {output.name}: the stage {shot.path.name} consists of it; {rule}.")

@@ -9,7 +9,7 @@ from warpcloth.errors import UsdError
 from warpcloth.transforms import apply
 
 from ..schema import Network
-from ..usd.opening import world_matrix
+from ..usd.opening import local_matrix, world_matrix
 from ..usd.roles import NETWORK_ROLE, REST_LENGTHS, SPRINGS_ROLE, name_of, role_of
 from ..usd.samples import SAMPLE_OVERHEAD, as_vectors, checked, integers, vectors
 from .notes import agree, double_vectors, doubles, note, noted
@@ -81,7 +81,7 @@ class NetworkOver:
             (shape, type(shape)(layer.OverridePrim(shape.GetPath())), which)
             for shape, which in ((part.particles, everything), (part.springs, np.ravel(part.network.springs)))
         ]
-        self.to_local = np.linalg.inv(world_matrix(part.particles.GetPrim(), Usd.TimeCode.Default()))
+        self.to_local = local_matrix(part.particles.GetPrim(), Usd.TimeCode.Default())
 
     def write(self, code: float, points: np.ndarray, velocities: np.ndarray) -> int:
         """Sets one frame: points [m] and velocities [m/s], shape [n, 3]; returns the bytes held in memory."""

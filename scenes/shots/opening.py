@@ -8,8 +8,9 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpcloth.errors import UsdError
+from warpcloth.meshes.stage_units import si_matrix
 
-from ..usd.opening import open_stage, si_matrix
+from ..usd.opening import frame_rate, open_stage
 from .notes import NOTES, agree, plain
 
 EARTH = 9.81  # [m/s²], what a physics scene means that does not say
@@ -30,24 +31,31 @@ def open_shot(path: str | os.PathLike) -> Usd.Stage:
     return stage
 
 
-def frame_rate(stage: Usd.Stage) -> float:
-    """Frames per second: as the stage says, or else one frame for each time code."""
-    said = stage.HasAuthoredMetadata("framesPerSecond")
-    return float(stage.GetFramesPerSecond() if said else stage.GetTimeCodesPerSecond())
-
-
 def first_code(stage: Usd.Stage) -> float:
-    """The time code at which the simulation starts."""
-    return float(stage.GetStartTimeCode()) if stage.HasAuthoredMetadata("startTimeCode") else 0.0
+    """The time code at which the simulation starts.
+
+    Raises:
+        UsdError: it is not finite.
+    """
+    code = float(stage.GetStartTimeCode()) if stage.HasAuthoredMetadata("startTimeCode") else 0.0
+    if not np.isfinite(code):
+        raise UsdError(f"Cannot use {_name(stage)}: its startTimeCode is {code:g}, but must be a finite number.")
+    return code
 
 
 def stage_tables(stage: Usd.Stage) -> dict[str, Any]:
-    """What a stage says of frames, gravity and, where warpcloth wrote it, all else: raw tables of a scene."""
+    """What a stage says of frames, gravity and, where warpcloth wrote it, all else: raw tables of a scene.
+
+    Raises:
+        UsdError: its range of time codes is endless.
+    """
     tables: dict[str, Any] = {"fps": frame_rate(stage)}
-    if stage.HasAuthoredTimeCodeRange():
-        codes = stage.GetEndTimeCode() - stage.GetStartTimeCode()
-        frames = round(codes * tables["fps"] / stage.GetTimeCodesPerSecond())
-        tables |= {"frames": frames} if frames > 0 else {}
+    if stage.HasAuthoredTimeCodeRange() and np.isfinite(tables["fps"]):
+        start, end = first_code(stage), stage.GetEndTimeCode()
+        frames = (end - start) * tables["fps"] / stage.GetTimeCodesPerSecond()
+        if not np.isfinite(frames):
+            raise UsdError(f"Cannot use {_name(stage)}: its time codes from {start:g} to {end:g} have no end.")
+        tables |= {"frames": round(frames)} if round(frames) > 0 else {}
     scene = next((prim for prim in stage.Traverse() if prim.IsA(UsdPhysics.Scene)), None)
     if scene is None:
         return tables
@@ -67,3 +75,7 @@ def gravity(scene: UsdPhysics.Scene) -> list[float]:
     direction = to_si @ np.array(scene.GetGravityDirectionAttr().Get(), float) / metres
     length = float(np.linalg.norm(direction))
     return (strength * (direction / length if length > 0.0 else np.array([0.0, 0.0, -1.0]))).tolist()
+
+
+def _name(stage: Usd.Stage) -> str:
+    return Path(stage.GetRootLayer().realPath).name

@@ -17,7 +17,7 @@ from .check_samples import SampleCheck
 from .check_stage import metadata_errors, range_errors, validator_errors
 from .failures import as_usd_error, quietly
 from .obstacle_reader import is_collider, read_obstacles
-from .opening import open_stage
+from .opening import frame_rate, open_stage
 from .report import CheckReport, ClothCheck
 from .roles import CLOTH_ROLE, NETWORK_ROLE, SPRINGS_ROLE, role_of
 
@@ -72,7 +72,7 @@ class _Check:
         return CheckReport(
             path=self.path.absolute(),
             frames=len(self.codes),
-            fps=self.stage.GetTimeCodesPerSecond(),
+            fps=frame_rate(self.stage),
             particles=sum(cloth.particles for cloth in cloths),
             obstacles=len(self.obstacles),
             finite=all(check.finite for check in self.checks),

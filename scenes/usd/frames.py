@@ -98,7 +98,7 @@ class FrameWriter:
         """Completes the file with the frames written so far; returns its path, or None if there is not one frame.
 
         Raises:
-            UsdError: when the disk does not take it; the partial file is then kept.
+            UsdError: when the disk does not take it; the partial file is then kept, and the message has its name.
         """
         if self._closed:
             return self._file.target.final if self.frames else None
@@ -107,8 +107,7 @@ class FrameWriter:
             return None
         self._drop_incomplete_frame()
         self._closed = True
-        self._file.save_frames(self._written)
-        return self._file.finish()
+        return self._file.finish(self._written)
 
     def abort(self) -> None:
         """Removes the partial file; a file under the final name stays as it was."""

@@ -70,22 +70,34 @@ class GrowingStage:
                 save_again(layer, self.target.partial, self._unsaved_bytes)
         self._unsaved_bytes = 0
 
-    def finish(self) -> Path:
-        """Closes the saved stage, converts it if need be, and gives it its final name."""
-        del self.stage
-        with as_usd_error(self._doing):
-            self._convert()
-            publish(self.target)
-            self.target.partial.unlink(missing_ok=True)
-            stale = Sdf.Layer.Find(str(self.target.final))
-            if stale:  # somebody in this process still has the file open that was just replaced
-                stale.Reload(force=True)
+    def finish(self, frames: range) -> Path:
+        """Saves ``frames`` and closes the stage, converts the file if need be, and gives it its final name.
+
+        Raises:
+            UsdError: when the disk does not take it; the message has the file in which frames are kept.
+        """
+        try:
+            self.save_frames(frames)
+            del self.stage
+            with as_usd_error(self._doing):
+                self._convert()
+                publish(self.target)
+        except UsdError as error:
+            self.target.discard(keep=self.target.partial)
+            raise UsdError(f"{str(error).rstrip('.')}; its frames are kept in {self.target.partial}.") from error
+        except BaseException:
+            self.target.discard()
+            raise
+        self.target.discard()
+        stale = Sdf.Layer.Find(str(self.target.final))
+        if stale:  # somebody in this process still has the file open that was just replaced
+            stale.Reload(force=True)
         return self.target.final
 
     def discard(self) -> None:
         """Closes the stage and removes its file."""
         del self.stage
-        self.target.partial.unlink(missing_ok=True)
+        self.target.discard()
 
     def _convert(self) -> None:
         source, result = self.target.partial, self.target.converted
@@ -96,4 +108,4 @@ class GrowingStage:
             name = self.target.final.with_suffix(".usdc").name
             done = UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(source)), str(result), name)
         if not done:
-            raise UsdError(f"{self._doing}: the frames are in {source.name}, but it could not be converted.")
+            raise UsdError(f"{self._doing}: it could not be converted to {result.suffix}.")

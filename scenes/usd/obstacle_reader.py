@@ -15,6 +15,7 @@ from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
 from .roles import OBSTACLE_ROLE, has_schema, name_of, numbers, role_of
 from .samples import as_vectors
 
+FIRST = Usd.TimeCode.EarliestTime()  # where a value is sampled but has no default
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
 SECTIONS = 64  # faces around a cylinder or cone
 
@@ -54,7 +55,7 @@ def _enabled(prim: Usd.Prim) -> bool:
 def read_obstacle(prim: Usd.Prim, origin: float = 0.0) -> Obstacle:
     """One prim as an obstacle; arguments and errors as for :func:`read_obstacles`."""
     common = {"name": name_of(prim), **_material(prim), **numbers(prim, "thickness", "friction", "restitution")}
-    color = UsdGeom.Gprim(prim).GetDisplayColorAttr().Get(Usd.TimeCode.EarliestTime())
+    color = UsdGeom.Gprim(prim).GetDisplayColorAttr().Get(FIRST)
     if color:
         common["color"] = tuple(float(min(1.0, max(0.0, channel))) for channel in color[0])
     if prim.IsA(UsdGeom.Mesh):
@@ -82,7 +83,7 @@ def _material(prim: Usd.Prim) -> dict[str, float]:
         return {}
     physics = UsdPhysics.MaterialAPI(material.GetPrim())
     attributes = {"friction": physics.GetDynamicFrictionAttr(), "restitution": physics.GetRestitutionAttr()}
-    return {name: float(value.Get()) for name, value in attributes.items() if value.HasAuthoredValue()}
+    return {name: _constant(value) for name, value in attributes.items() if value.HasAuthoredValue()}
 
 
 def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObstacle:
@@ -127,8 +128,8 @@ def _solid(shape: UsdGeom.Gprim, make: str, origin: float, common: dict[str, Any
     """A cylinder or cone as a mesh, made by the function of that name in ``trimesh.creation``."""
     import trimesh  # takes half a second, which stages without need not wait for
 
-    prim, axis = shape.GetPrim(), COLUMNS[shape.GetAxisAttr().Get()]
-    solid = getattr(trimesh.creation, make)(shape.GetRadiusAttr().Get(), shape.GetHeightAttr().Get(), sections=SECTIONS)
+    prim, axis = shape.GetPrim(), _axis(shape)
+    solid = getattr(trimesh.creation, make)(_length(shape, "radius"), _length(shape, "height"), sections=SECTIONS)
     around = np.array(solid.vertices) - (0.0, 0.0, float(np.mean(solid.bounds[:, 2])))  # trimesh's cone stands at 0
     codes, seconds = _samples(prim, transform_codes(prim), origin)
     points = np.roll(around, axis + 1, axis=1)  # z becomes the axis, and the right hand stays the right hand
@@ -143,7 +144,9 @@ def _samples(prim: Usd.Prim, codes: list[float], origin: float) -> tuple[list[fl
 
 def _rest_code(prim: Usd.Prim, codes: list[float]) -> Usd.TimeCode:
     """When the prim is in its initial place: many writers leave the default of what they sample unset, we do not."""
-    return Usd.TimeCode.Default() if role_of(prim) or not codes else Usd.TimeCode(codes[0])
+    if role_of(prim):
+        return Usd.TimeCode.Default()
+    return Usd.TimeCode(codes[0]) if codes else FIRST
 
 
 def _points(mesh: UsdGeom.Mesh, code: Usd.TimeCode | float) -> np.ndarray:
@@ -155,22 +158,48 @@ def _stretched(prim: Usd.Prim) -> UsdError:
     return UsdError(f"Collider {prim.GetPath()} is a {prim.GetTypeName()} stretched out of its shape; {rule}.")
 
 
+def _constant(attribute: Usd.Attribute) -> float:
+    """The number that an attribute has at all times."""
+    codes = attribute.GetTimeSamples() if attribute.ValueMightBeTimeVarying() else [FIRST]
+    values = {float(attribute.Get(code)) for code in codes}
+    if len(values) > 1:
+        what = f"A collider needs a constant {attribute.GetBaseName()}, but {attribute.GetPath()} changes over time"
+        raise UsdError(f"{what}; make what deforms a mesh with sampled points.")
+    return values.pop()
+
+
+def _length(shape: UsdGeom.Gprim, name: str) -> float:
+    """A radius, height or edge in the shape's own units."""
+    value = _constant(shape.GetPrim().GetAttribute(name))
+    if not 0.0 < value < np.inf:
+        raise UsdError(f"Collider {shape.GetPath()} has a {name} of {value:g}, but must have one above 0.")
+    return value
+
+
+def _axis(shape: UsdGeom.Gprim) -> int:
+    """Column of a matrix that is the direction of a shape's axis."""
+    axis = shape.GetAxisAttr().Get(FIRST)
+    if axis not in COLUMNS:
+        raise UsdError(f"Collider {shape.GetPath()} has the axis '{axis}', which must be X, Y or Z.")
+    return COLUMNS[axis]
+
+
 def _sphere(shape: UsdGeom.Sphere, frame: Frame, common: dict[str, Any]) -> Sphere:
-    return Sphere(frame.origin, shape.GetRadiusAttr().Get() * _uniform(shape, frame), **common)
+    return Sphere(frame.origin, _length(shape, "radius") * _uniform(shape, frame), **common)
 
 
 def _capsule(shape: UsdGeom.Capsule, frame: Frame, common: dict[str, Any]) -> Capsule:
     scale = _uniform(shape, frame)
-    half = 0.5 * scale * shape.GetHeightAttr().Get() * frame.rotation[:, COLUMNS[shape.GetAxisAttr().Get()]]
-    return Capsule(frame.origin - half, frame.origin + half, shape.GetRadiusAttr().Get() * scale, **common)
+    half = 0.5 * scale * _length(shape, "height") * frame.rotation[:, _axis(shape)]
+    return Capsule(frame.origin - half, frame.origin + half, _length(shape, "radius") * scale, **common)
 
 
 def _cube(shape: UsdGeom.Cube, frame: Frame, common: dict[str, Any]) -> Box:
-    return Box(frame.origin, shape.GetSizeAttr().Get() * frame.scales, unwound([frame.rotation])[0], **common)
+    return Box(frame.origin, _length(shape, "size") * frame.scales, unwound([frame.rotation])[0], **common)
 
 
 def _plane(shape: UsdGeom.Plane, frame: Frame, common: dict[str, Any]) -> Plane:
-    return Plane(frame.origin, frame.rotation[:, COLUMNS[shape.GetAxisAttr().Get()]], **common)
+    return Plane(frame.origin, frame.rotation[:, _axis(shape)], **common)
 
 
 def _uniform(shape: UsdGeom.Gprim, frame: Frame) -> float:

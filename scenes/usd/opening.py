@@ -4,9 +4,11 @@ import os
 from pathlib import Path
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Usd, UsdGeom, UsdPhysics
 
 from ...errors import UsdError
+from ...meshes.stage_units import number_fault, si_matrix, unit_fault
+from ...validate import is_utf8
 from .failures import as_usd_error, quietly
 
 READABLE = (".usd", ".usda", ".usdc", ".usdz")
@@ -16,9 +18,11 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
     """The stage in a USD file, as it is on disk now.
 
     Raises:
-        UsdError: when the file is missing, empty, not USD, or corrupt.
+        UsdError: when the file is missing, empty, not USD, or corrupt, or has no usable units.
     """
     file = Path(path).expanduser().absolute()
+    if not is_utf8(file):
+        raise UsdError(f"Cannot read {str(file)!r}: USD needs a path that is UTF-8 text.")
     if file.is_dir():
         raise UsdError(f"Cannot read {path}: it is a folder, not a USD file.")
     if not file.exists():
@@ -30,22 +34,50 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
     with as_usd_error(f"Cannot read {path}"), quietly():
         stage = Usd.Stage.Open(str(file))
         stage.Reload()  # somebody in this process may hold an older state of the file
+    fault = (
+        unit_fault(stage)
+        or number_fault("kilogramsPerUnit", UsdPhysics.GetStageKilogramsPerUnit(stage))
+        or number_fault("timeCodesPerSecond", stage.GetTimeCodesPerSecond())
+    )
+    if fault:
+        raise UsdError(f"Cannot use {file.name}: {fault}.")
     return stage
 
 
-def si_matrix(stage: Usd.Stage) -> np.ndarray:
-    """The 4 × 4 matrix that takes the stage's axes and units to Z up and metres."""
-    matrix = np.eye(4)
-    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
-        matrix[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-    matrix[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
-    return matrix
+def frame_rate(stage: Usd.Stage) -> float:
+    """Frames per second: as the stage says, or else one frame for each time code."""
+    said = stage.HasAuthoredMetadata("framesPerSecond")
+    return float(stage.GetFramesPerSecond() if said else stage.GetTimeCodesPerSecond())
 
 
 def world_matrix(prim: Usd.Prim, code: Usd.TimeCode | float) -> np.ndarray:
-    """The 4 × 4 matrix, in column-vector convention, from the prim's own frame to Z up and metres at time ``code``."""
-    local_to_world = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(code))
-    return si_matrix(prim.GetStage()) @ np.array(local_to_world).T
+    """The 4 × 4 matrix, in column-vector convention, from the prim's own frame to Z up and metres at time ``code``.
+
+    Raises:
+        UsdError: when it is not finite.
+    """
+    matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(code))).T
+    if not np.isfinite(matrix).all():
+        raise UsdError(f"Prim {prim.GetPath()} has a transform that is not of finite numbers{_at(code)}.")
+    return si_matrix(prim.GetStage()) @ matrix
+
+
+def local_matrix(prim: Usd.Prim, code: Usd.TimeCode | float) -> np.ndarray:
+    """The inverse of :func:`world_matrix`.
+
+    Raises:
+        UsdError: when there is none.
+    """
+    matrix = world_matrix(prim, code)
+    if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
+        rule = "cloth needs a scale other than 0"
+        raise UsdError(f"Prim {prim.GetPath()} has a transform that flattens space{_at(code)}; {rule}.")
+    return np.linalg.inv(matrix)
+
+
+def _at(code: Usd.TimeCode | float) -> str:
+    numeric = Usd.TimeCode(code).IsNumeric() and Usd.TimeCode(code) != Usd.TimeCode.EarliestTime()
+    return f" at time code {Usd.TimeCode(code).GetValue():g}" if numeric else ""
 
 
 def transform_codes(prim: Usd.Prim) -> list[float]:

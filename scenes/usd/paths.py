@@ -1,48 +1,83 @@
 """Where a cache is written, and the file it grows in until it is complete."""
 
+import contextlib
+import errno
 import os
-from dataclasses import dataclass
+import secrets
+import shutil
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...errors import UsdError
+from ...validate import is_utf8
 
 FORMATS = (".usdc", ".usda", ".usdz")
 
 
+def _own_mark() -> str:
+    """What no other writer has, in this process or another, on this machine or another."""
+    return f"{os.getpid()}-{secrets.token_hex(4)}"
+
+
 @dataclass(frozen=True)
 class Target:
-    """A cache under its final name, which exists only once the cache is complete."""
+    """A cache under its final name, which exists only once the cache is complete.
+
+    Until then it is in files that nobody else writes to, even where two have the same final name; the last one to be
+    complete keeps it. A process that is killed leaves them behind, and nobody removes them: the frames in them may be
+    all there is of a long simulation.
+    """
 
     final: Path
+    mark: str = field(default_factory=_own_mark)
 
     @property
     def partial(self) -> Path:
         """The binary file that frames are streamed into, whatever the final format."""
-        return self.final.with_name(f"{self.final.stem}.partial.usdc")
+        return self.final.with_name(f"{self.final.stem}.{self.mark}.partial.usdc")
 
     @property
     def converted(self) -> Path:
         """The finished cache in its final format, complete but not yet under its final name."""
         return self.partial.with_suffix(self.final.suffix)
 
+    @property
+    def folder(self) -> Path:
+        """Where what is to be packed may be put together."""
+        return self.final.with_name(f"{self.final.stem}.{self.mark}.partial")
+
+    def discard(self, keep: Path | None = None) -> None:
+        """Removes what there is under other names than the final one, as far as it can be, but not ``keep``."""
+        for path in {self.partial, self.converted} - {keep}:
+            with contextlib.suppress(OSError):  # what has led here is what the user should hear of
+                path.unlink(missing_ok=True)
+        shutil.rmtree(self.folder, ignore_errors=True)
+
 
 def output_target(path: str | os.PathLike) -> Target:
     """Checks, before any work is done, that a cache can be written to ``path``.
 
     Raises:
-        UsdError: unknown extension, a folder that is missing or not writable, or a path that is itself a folder.
+        UsdError: unknown extension, a folder that is missing or not writable, a path that is itself a folder, or one
+            that is not UTF-8 text.
     """
-    final = Path(path).expanduser().absolute()
-    folder = final.parent
-    if final.is_dir():
-        raise UsdError(f"Cannot write the cache: {path} is a folder; give a file name in it, such as cache.usdc.")
-    if final.suffix not in FORMATS:
-        raise UsdError(f"Cannot write the cache: {path} must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}.")
-    if not folder.is_dir():
-        raise UsdError(f"Cannot write the cache {final.name}: the folder {folder} does not exist.")
-    if not _accepts_files(folder):
-        raise UsdError(f"Cannot write the cache {final.name}: the folder {folder} is not writable.")
-    return Target(final)
+    target = Target(Path(path).expanduser().absolute())
+    name, folder = target.final.name, target.final.parent
+    if not is_utf8(target.final):
+        raise UsdError(f"Cannot write the cache {str(target.final)!r}: USD needs a path that is UTF-8 text.")
+    try:
+        if target.final.suffix not in FORMATS:
+            raise UsdError(f"Cannot write the cache: {path} must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}.")
+        if target.final.is_dir():
+            raise UsdError(f"Cannot write the cache: {path} is a folder; give a file name in it, such as cache.usdc.")
+        if not folder.is_dir():
+            raise UsdError(f"Cannot write the cache {name}: the folder {folder} does not exist.")
+        target.partial.touch(exist_ok=False)  # asking the permissions alone misses read-only mounts
+        target.partial.unlink()
+    except OSError as error:
+        why = "its name is too long" if error.errno == errno.ENAMETOOLONG else f"the folder {folder} is not writable"
+        raise UsdError(f"Cannot write the cache {name}: {why}.") from error
+    return target
 
 
 def publish(target: Target) -> None:
@@ -51,17 +86,6 @@ def publish(target: Target) -> None:
     os.replace(target.converted, target.final)
     if os.name == "posix":  # Windows cannot open a folder to flush it
         _flush_to_disk(target.final.parent)
-
-
-def _accepts_files(folder: Path) -> bool:
-    """Whether a file can be made in ``folder``; asking the permissions alone misses read-only mounts."""
-    probe = folder / f".warpcloth-{os.getpid()}.tmp"
-    try:
-        probe.touch(exist_ok=True)
-        probe.unlink()
-    except OSError:
-        return False
-    return True
 
 
 def _flush_to_disk(path: Path) -> None:

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from pxr import Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from ... import __version__
 from .failures import as_usd_error
+from .paths import Target
 
 ROOT = Sdf.Path("/World")
 CLOTH = ROOT.AppendChild("Cloth")
@@ -19,14 +19,19 @@ PROVENANCE = "warpcloth"
 ASSET = "asset"  # key of the provenance: the stage that a simulation was of
 
 
-def create_stage(path: Path, fps: float, provenance: Mapping[str, Any]) -> Usd.Stage:
-    """A new stage in SI units, Z up, with one component ``/World`` and nothing in it.
+def new_stage(target: Target) -> Usd.Stage:
+    """An empty stage that is to become ``target``.
 
     Raises:
         UsdError: when the file cannot be made.
     """
-    with as_usd_error(f"Cannot write the cache {path.name}"):
-        stage = Usd.Stage.CreateNew(str(path))
+    with as_usd_error(f"Cannot write the cache {target.final.name}"):
+        return Usd.Stage.CreateNew(str(target.partial))
+
+
+def create_stage(target: Target, fps: float, provenance: Mapping[str, Any]) -> Usd.Stage:
+    """A new stage in SI units, Z up, with one component ``/World`` and nothing in it; errors as :func:`new_stage`."""
+    stage = new_stage(target)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)

@@ -26,8 +26,9 @@ class CacheWriter(FrameWriter):
     """Streams frames into a USD file of its own; memory stays flat however many there are.
 
     Frame ``f`` is the state at ``f / fps`` seconds and is written at time code ``f``; a whole shot starts with
-    frame 0, the initial state. Frames are collected in ``name.partial.usdc`` beside the output, which gets the final
-    name in one step at :meth:`close`; so whatever has the final name is complete.
+    frame 0, the initial state. Frames are collected in a file of the writer's own beside the output, named
+    ``name.….partial.usdc``, which gets the final name in one step at :meth:`close`; so whatever has the final name is
+    complete.
 
     As a context manager it closes at the end of the block and on Ctrl-C, and aborts on any other exception; call
     :meth:`close` yourself where the frames so far are worth keeping.
@@ -55,14 +56,14 @@ class CacheWriter(FrameWriter):
         check_rate(fps)
         _check_cloths(cloths)
         target = output_target(path)
-        file = GrowingStage(target, create_stage(target.partial, float(fps), provenance or {}), Clock())
         try:
+            file = GrowingStage(target, create_stage(target, float(fps), provenance or {}), Clock())
             drawn = _cloth_prims(file.stage, cloths)
             super().__init__(file, float(fps), drawn, _obstacle_prims(file, cloths, obstacles))
             file.added(sum(map(_size, [*cloths, *obstacles])))
             file.save()
         except BaseException:
-            file.discard()
+            target.discard()
             raise
 
 

@@ -10,8 +10,6 @@ from ..errors import InputError
 from .report import Report
 from .terminal import messages, start_warp
 
-OLDEST, NEWEST = 75, 200  # compute capabilities that are plausible at all
-
 Arch = Annotated[
     str | None,
     typer.Option("--arch", metavar="80,90,…", help="GPUs to compile for, by compute capability; none need be here."),
@@ -25,9 +23,9 @@ def command(arch: Arch = None, precision: Precision = "float32", gradients: Grad
     from ..batch.compilation import cache_folder, compile_ahead, compile_here
 
     validate.choice(precision, ("float32", "float64"), "precision")
-    architectures = _architectures(arch)
     variants = [precision, *([f"{precision}_grad"] if gradients else [])]
     start_warp()
+    architectures = _architectures(arch)
     messages().print(f"Compiling {', '.join(variants)} …")
     modules = compile_here(variants)
     files = compile_ahead(variants, architectures) if architectures else []
@@ -38,13 +36,18 @@ def command(arch: Arch = None, precision: Precision = "float32", gradients: Grad
 
 def _architectures(text: str | None) -> list[int]:
     """``"sm_80,90"`` as [80, 90]."""
+    import warp as wp
+
+    if text is None:
+        return []
+    known = sorted(wp.get_cuda_supported_archs())  # none where Warp comes without CUDA's compiler
+    if not known:
+        raise InputError("This Warp cannot compile for GPUs, as it comes without CUDA; leave --arch out.")
     found = []
-    for word in (text or "").split(","):
-        match = re.fullmatch(r"(?:sm_?)?([0-9]{2,3})", word.strip())
-        if match and OLDEST <= int(match[1]) <= NEWEST:
-            found.append(int(match[1]))
-        elif text is not None:
-            raise InputError(
-                f"{word.strip()!r} is not a compute capability that Warp compiles for; write for example --arch 80,90."
-            )
+    for word in map(str.strip, text.split(",")):
+        match = re.fullmatch(r"(?:sm_?)?([0-9]{2,3})", word)
+        if match is None or int(match[1]) not in known:
+            listed = ", ".join(map(str, known))
+            raise InputError(f"{word!r} is not a compute capability that Warp compiles for; known are {listed}.")
+        found.append(int(match[1]))
     return found

@@ -1,7 +1,7 @@
 """Meshes of a USD stage. This module imports ``pxr``; import it only to read USD."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,10 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdUtils
 
 from ..errors import MeshError
+from ..validate import is_utf8
 from .check import refuse_non_finite
 from .choose import Part, chosen
+from .stage_units import si_matrix, unit_fault
 from .trianglemesh import TriangleMesh
 from .triangulate import triangulate
 
@@ -25,7 +27,7 @@ def read_usd(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     out, unless there are no others or ``prim`` names one.
 
     Raises:
-        MeshError: when the file cannot be read, or holds several meshes and none is chosen.
+        MeshError: when the file cannot be read or has no usable units, or holds several meshes and none is chosen.
     """
     collected = UsdUtils.CoalescingDiagnosticDelegate()  # keeps warnings about damaged files off stderr
     try:
@@ -39,14 +41,18 @@ def read_usd(path: Path, prim: str | None, join: bool) -> TriangleMesh:
 
 
 def _chosen(path: Path, prim: str | None, join: bool) -> TriangleMesh:
+    if not is_utf8(path.absolute()):
+        raise MeshError(f"The USD file {str(path.absolute())!r} cannot be read: USD needs a path that is UTF-8 text.")
     stage = Usd.Stage.Open(str(path.absolute()))
     stage.Reload()  # this process may hold an older state of the file
-    to_si = _to_si(stage)
+    fault = unit_fault(stage)
+    if fault:
+        raise MeshError(f"The USD file '{path.name}' cannot be used: {fault}.")
     cache = UsdGeom.XformCache(TIME)
     parts, shown = [], []
     for mesh, matrix in _placed_meshes(stage, cache):
         where = str(mesh.GetPath())
-        part = Part(where, partial(_placed, mesh, where.rsplit("/", 1)[-1], to_si @ matrix))
+        part = Part(where, partial(_placed, mesh, where.rsplit("/", 1)[-1], si_matrix(stage) @ matrix))
         parts.append(part)
         if _is_shown(mesh):
             shown.append(part)
@@ -61,15 +67,6 @@ def _reason(error: Tf.ErrorException) -> str:
         said = []
     telling = [line.rstrip("' .") for line in said if not line.startswith("Failed to open layer")]
     return telling[0] if telling else "it is damaged or not USD"
-
-
-def _to_si(stage: Usd.Stage) -> np.ndarray:
-    """The 4 × 4 matrix from the stage's axes and units to Z up and metres."""
-    matrix = np.eye(4)
-    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
-        matrix[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-    matrix[:3, :3] *= UsdGeom.GetStageMetersPerUnit(stage)
-    return matrix
 
 
 def _placed_meshes(stage: Usd.Stage, cache: UsdGeom.XformCache) -> Iterator[tuple[UsdGeom.Mesh, np.ndarray]]:
@@ -88,6 +85,7 @@ def _scattered_meshes(
 ) -> Iterator[tuple[UsdGeom.Mesh, np.ndarray]]:
     prototypes = [scatter.GetPrim().GetStage().GetPrimAtPath(p) for p in scatter.GetPrototypesRel().GetTargets()]
     which = scatter.GetProtoIndicesAttr().Get(TIME) or []
+    _check_scatter(scatter, prototypes, which)
     transforms = scatter.ComputeInstanceTransformsAtTime(TIME, TIME, applyMask=UsdGeom.PointInstancer.IgnoreMask)
     mask = scatter.ComputeMaskAtTime(TIME) or [True] * len(transforms)
     world = _columns(cache.GetLocalToWorldTransform(scatter.GetPrim()))
@@ -97,6 +95,22 @@ def _scattered_meshes(
             if prim.IsA(UsdGeom.Mesh):
                 local = np.eye(4) if prim == prototype else _columns(cache.ComputeRelativeTransform(prim, prototype)[0])
                 yield UsdGeom.Mesh(prim), world @ _columns(transform) @ local
+
+
+def _check_scatter(scatter: UsdGeom.PointInstancer, prototypes: Sequence[Usd.Prim], which: Sequence[int]) -> None:
+    """Whether each instance has a place, and a prototype that there is."""
+    label = f"The point instancer {scatter.GetPath()}"
+    ids = scatter.GetIdsAttr().Get(TIME)
+    sizes = {"positions": len(scatter.GetPositionsAttr().Get(TIME) or [])} | ({"ids": len(ids)} if ids else {})
+    for name, size in sizes.items():
+        if size != len(which):
+            raise MeshError(f"{label} has {len(which)} protoIndices but {size} {name}; it needs as many of each.")
+    for index in set(which):
+        if not 0 <= index < len(prototypes):
+            raise MeshError(f"{label} refers to prototype {index}, but has {len(prototypes)}, counted from 0.")
+        if not prototypes[index]:
+            path = scatter.GetPrototypesRel().GetTargets()[index]
+            raise MeshError(f"{label} refers to the prototype {path}, which does not exist.")
 
 
 def _placed(mesh: UsdGeom.Mesh, name: str, matrix: np.ndarray) -> TriangleMesh:

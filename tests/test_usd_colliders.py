@@ -1,0 +1,108 @@
+"""Colliders as other tools write them: sizes with time samples, and sizes that are none."""
+
+import numpy as np
+import pytest
+from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdShade
+from usd_files import SQUARE
+from warpcloth.scenes.usd import read_obstacles
+
+from warpcloth.errors import UsdError
+
+SIZES = [
+    (UsdGeom.Sphere, "radius"),
+    (UsdGeom.Cube, "size"),
+    *((kind, size) for kind in (UsdGeom.Capsule, UsdGeom.Cylinder, UsdGeom.Cone) for size in ("radius", "height")),
+]
+each_size = pytest.mark.parametrize(("kind", "name"), SIZES, ids=lambda value: getattr(value, "__name__", value))
+
+
+def collider(kind):
+    """A stage with one collider in it."""
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, "Z")
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    shape = kind.Define(stage, "/Solid")
+    UsdPhysics.CollisionAPI.Apply(shape.GetPrim())
+    return stage, shape.GetPrim()
+
+
+def extent(stage) -> np.ndarray:
+    """Edges of a box around the obstacle [m]."""
+    (solid,) = read_obstacles(stage)
+    if hasattr(solid, "points"):
+        return np.ptp(solid.points, axis=0)
+    if hasattr(solid, "start"):
+        return np.abs(solid.end - solid.start) + 2.0 * solid.radius
+    return np.ones(3) * (2.0 * solid.radius if hasattr(solid, "radius") else solid.size)
+
+
+@each_size
+def test_a_size_that_has_samples_but_does_not_change_is_a_constant(kind, name):
+    stage, prim = collider(kind)
+    prim.GetAttribute(name).Set(0.25)
+    told = extent(stage)
+    assert np.all(told > 0.2)
+    for codes in ([3.0], [1.0, 5.0]):
+        stage, prim = collider(kind)
+        for code in codes:
+            prim.GetAttribute(name).Set(0.25, code)
+        np.testing.assert_array_equal(extent(stage), told)
+
+
+@each_size
+def test_a_size_that_changes_is_refused(kind, name):
+    stage, prim = collider(kind)
+    for code in (0.0, 1.0):
+        prim.GetAttribute(name).Set(0.25 + code, code)
+    with pytest.raises(UsdError, match=f"A collider needs a constant {name}, but /Solid.{name} changes over time"):
+        read_obstacles(stage)
+
+
+@each_size
+@pytest.mark.parametrize("value", [0.0, -0.1, np.nan, np.inf])
+def test_a_size_that_is_none_is_refused(kind, name, value):
+    stage, prim = collider(kind)
+    prim.GetAttribute(name).Set(value)
+    with pytest.raises(UsdError, match=f"Collider /Solid has a {name} of {value:g}, but must have one above 0"):
+        read_obstacles(stage)
+
+
+@pytest.mark.parametrize("kind", [UsdGeom.Capsule, UsdGeom.Cylinder, UsdGeom.Cone, UsdGeom.Plane])
+def test_an_axis_that_is_none_is_refused(kind):
+    stage, prim = collider(kind)
+    prim.GetAttribute("axis").Set("W")
+    with pytest.raises(UsdError, match="Collider /Solid has the axis 'W', which must be X, Y or Z"):
+        read_obstacles(stage)
+
+
+def test_friction_may_be_sampled_once(tmp_path):
+    stage, prim = collider(UsdGeom.Sphere)
+    material = UsdShade.Material.Define(stage, "/Rubber")
+    friction = UsdPhysics.MaterialAPI.Apply(material.GetPrim()).CreateDynamicFrictionAttr()
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material, materialPurpose="physics")
+    friction.Set(0.75, 2.0)
+    (ball,) = read_obstacles(stage)
+    assert ball.friction == 0.75
+    friction.Set(0.25, 3.0)
+    with pytest.raises(UsdError, match=r"a constant dynamicFriction, but /Rubber\.physics:dynamicFriction ch"):
+        read_obstacles(stage)
+
+
+@pytest.mark.parametrize("codes", [[None], [7.0]], ids=["default", "one sample"])
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_mesh_may_have_its_points_sampled_once(codes, moves):
+    stage, prim = collider(UsdGeom.Mesh)
+    mesh = UsdGeom.Mesh(prim)
+    for code in codes:
+        at = Usd.TimeCode.Default() if code is None else code
+        mesh.GetPointsAttr().Set(SQUARE, at)
+        mesh.GetFaceVertexCountsAttr().Set([4], at)
+        mesh.GetFaceVertexIndicesAttr().Set([0, 1, 2, 3], at)
+    if moves:
+        op = mesh.AddTranslateOp()
+        for code in (0.0, 24.0):
+            op.Set(Gf.Vec3d(0.0, 0.0, code / 24.0), code)
+    (solid,) = read_obstacles(stage)
+    assert solid.moves is moves
+    np.testing.assert_array_equal(solid.points_at(0.0), SQUARE)
+    np.testing.assert_allclose(solid.points_at(1.0)[:, 2], float(moves), atol=1e-12)
