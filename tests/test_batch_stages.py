@@ -1,0 +1,54 @@
+"""Batches of scenes whose cloth comes from USD stages."""
+
+from pathlib import Path
+
+from batch_sweeps import contents, simulated
+from warpcloth.scenes import export_scene, load_scene
+
+from warpcloth.batch import Sweep, load_sweep
+from warpcloth.batch.prepared import prepare
+
+
+def exported(file: Path, scene: str = "hanging", *changes: str) -> Path:
+    """A bundled scene as a stage, small."""
+    file.parent.mkdir(exist_ok=True)
+    return export_scene(load_scene(scene, ["frames=6", *changes]), file)
+
+
+def sweep_of(folder: Path, scene: str, parameter: str) -> Sweep:
+    (folder / "scene.toml").write_text(scene)
+    head = 'scene = "scene.toml"\ndesign = "grid"\noutputs = ["pose", "frames"]\n'
+    (folder / "sweep.toml").write_text(f"{head}[[parameter]]\n{parameter}\n")
+    return load_sweep(folder / "sweep.toml")
+
+
+STAGE = """
+frames = 6
+[simulation]
+integrator = "symplectic_euler"
+device = "cpu"
+[stage]
+path = "stage.usda"
+[stage.fabric]
+name = "cotton"
+"""
+
+
+def test_substeps_are_those_of_the_stage_s_own_cloth(tmp_path):
+    exported(tmp_path / "stage.usda", "hanging", "cloth.0.resolution=[9, 9]")
+    sweep = sweep_of(tmp_path, STAGE, 'path = "stage.fabric.stretch_stiffness"\nvalues = [100.0, 3e4]')
+    soft, stiff = (prepare(sweep.sample(index)).scene.simulation.substeps for index in (0, 1))
+    assert stiff > 10 * soft
+    batches = [simulated(tmp_path / "sweep.toml", tmp_path / f"worlds{worlds}", worlds)[0] for worlds in (1, 2)]
+    assert [batches[0].metrics(index)["status"] for index in (0, 1)] == ["done", "done"]
+    assert contents(batches[0]) == contents(batches[1])
+
+
+def test_networks_of_stages_are_simulated_each_by_itself(tmp_path):
+    for name, k_s in (("a", 200.0), ("b", 400.0)):
+        exported(tmp_path / "stages" / f"{name}.usda", "pendulum", f"network.k_s={k_s}")
+    scene = 'frames = 6\n[simulation]\ndevice = "cpu"\nsubsteps = 50\n[stage]\npath = "stages/a.usda"\n'
+    sweep = sweep_of(tmp_path, scene, 'path = "stage.path"\nglob = "stages/*.usda"')
+    first, second = (prepare(sweep.sample(index)) for index in (0, 1))
+    assert len(first.built.network.points) == 3
+    assert first.companions != second.companions
