@@ -118,8 +118,8 @@ def _plan(sweep: "Sweep", path: Path, workers: int | None, worlds: int | None) -
 def _progress(name: str) -> Iterator[Callable[[Any, Any], None]]:
     """A bar on stderr; yields what to call twice a second, and with each outcome."""
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
-        TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"), TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
     console = messages()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
