@@ -88,14 +88,17 @@ def run_batch(
             workers = workers or max(1, cluster.processors)
         plan = make_plan(sweep, folder, workers, worlds)
         folder.check_space(plan.bytes)
+        if plan.left:
+            folder.stale.touch()
         try:
             for outcome in _outcomes(sweep, folder, plan, cluster):
                 if on_progress is not None:
                     on_progress(plan, outcome)
         finally:
             folder.sweep_up()
-            if plan.left or not (folder.path / PARQUET).exists():
+            if folder.stale.exists() or not (folder.path / PARQUET).exists():
                 index_batch(folder)
+                folder.stale.unlink(missing_ok=True)
         return status_of(folder, running=False)
 
 
