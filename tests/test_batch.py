@@ -181,7 +181,8 @@ def test_jobs_shrink_towards_the_end_and_halve_after_a_death():
     assert sizes == [5, 4, 3, 2, 2, 1, 1, 1, 1]
     assert not queue.take()
     queue.put_back([3, 4, 5])
-    assert (len(queue), queue.take(), queue.take(), len(queue)) == (3, [3, 4], [5], 0)
+    queue.put_back([1, 2])  # before those that are farther from being alone
+    assert (len(queue), [queue.take() for _ in range(4)], len(queue)) == (5, [[1], [2], [3, 4], [5]], 0)
 
 
 def test_a_folder_belongs_to_one_sweep(alone, tmp_path):

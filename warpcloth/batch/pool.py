@@ -18,7 +18,7 @@ from .worker import serve
 LOOK = 0.5  # [s] between looks at the workers' memory and time
 GRACE = 30.0  # [s] beyond a sample's own limit before a worker that says nothing is ended
 PATIENCE = 3  # deaths of a worker with one and the same sample alone, after which the sample has failed
-FUTILE = 20  # deaths of workers in a row without a sample finished, after which the batch gives up
+FUTILE = 20  # deaths of workers in a row that had not begun, after which the batch gives up
 
 
 class Worker:
@@ -150,9 +150,9 @@ class LocalPool:
         """The samples of a worker that died go back to the queue, in smaller groups; one alone fails in the end."""
         self.workers.remove(worker)
         worker.process.join()
-        self.futile += 1
+        self.futile += not worker.job  # with a job there is an end to deaths: it gets smaller, and one alone fails
         if self.futile > FUTILE:
-            raise SimulationError(f"Workers die before they finish anything (exit code {worker.process.exitcode}).")
+            raise SimulationError(f"Workers die before they begin anything (exit code {worker.process.exitcode}).")
         left = []
         for index in worker.job:
             if self.folder.place(index).is_dir():  # it died before it could say so

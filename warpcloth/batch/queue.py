@@ -32,6 +32,6 @@ class Queue:
         return [self._fresh.popleft() for _ in range(min(self.worlds, share))]
 
     def put_back(self, samples: Sequence[int]) -> None:
-        """Samples of a job that was not finished: to be done again in two jobs, as one of them may be the cause."""
+        """Samples of a job that was not finished: to be done next, in two jobs, as one of them may be the cause."""
         middle = (len(samples) + 1) // 2
-        self._again += [list(part) for part in (samples[:middle], samples[middle:]) if part]
+        self._again.extendleft(list(part) for part in (samples[middle:], samples[:middle]) if part)
