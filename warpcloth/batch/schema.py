@@ -58,7 +58,7 @@ class LimitsTable(Table):
 
     seconds: Annotated[float, positive("s", 1e7)] | None = field(None, "Wall time.")
     memory_mib: Annotated[float, positive("MiB", 1e9)] | None = field(
-        None, "Memory of the process that simulates it; by default the machine's, divided among the workers."
+        None, "Memory of the process that simulates it; by default all but a tenth of the machine's."
     )
 
 
