@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics
 
+from ..scenes.usd.opening import open_stage
 from .folder import BatchFolder, flush
 from .recorder import CACHE, POSE
 
@@ -18,6 +19,9 @@ def write_assembly(folder: BatchFolder) -> Path | None:
     """Writes ``assembly.usda``, which refers to the drapes by payloads; None if there are none.
 
     Samples stand in rows along x, in the order of their numbers. Those that end before the last one stand still.
+
+    Raises:
+        UsdError: a drape cannot be read.
     """
     files = {index: file for index in folder.finished() if (file := drape_file(folder, index)) is not None}
     if not files:
@@ -44,7 +48,7 @@ def drape_file(folder: BatchFolder, index: int) -> Path | None:
 def _fill(stage: Usd.Stage, files: dict[int, Path], folder: BatchFolder) -> None:
     sizes, ends, rate = [], [], 24.0
     for file in files.values():
-        drape = Usd.Stage.Open(str(folder.path / file))
+        drape = open_stage(folder.path / file)
         rate = drape.GetTimeCodesPerSecond()
         ends.append(drape.GetEndTimeCode())
         sizes.append(_width(drape))

@@ -74,22 +74,24 @@ def run_batch(
         SimulationError: the batch as a whole cannot go on. What is complete stays.
     """
     folder = BatchFolder(path)
+    folder.check(sweep)
     with folder.locked(), contextlib.ExitStack() as exits:
         folder.claim(sweep)
-        folder.sweep_up()
         if "preview" in sweep.table.outputs:
             needed("pyvista", "render")  # before any work
-        if retry_failed:
-            folder.forget_failed()
         cluster = None
         if ray is not None:
             cluster = Cluster(ray)
             exits.callback(cluster.close)
             workers = workers or max(1, cluster.processors)
-        plan = make_plan(sweep, folder, workers, worlds)
-        folder.check_space(plan.bytes)
-        if plan.left:
-            folder.stale.touch()
+        with folder.writing():
+            folder.sweep_up()
+            if retry_failed:
+                folder.forget_failed()
+            plan = make_plan(sweep, folder, workers, worlds)
+            folder.check_space(plan.bytes)
+            if plan.left:
+                folder.stale.touch()
         try:
             for outcome in _outcomes(sweep, folder, plan, cluster):
                 if on_progress is not None:
@@ -106,10 +108,14 @@ def index_batch(folder: BatchFolder) -> list[Path]:
     """Writes the manifest, the assembly and the picture anew from the folders of the samples; returns what it wrote.
 
     There is no picture where pyvista is not installed.
+
+    Raises:
+        InputError: a sample is damaged, or the folder cannot be written to.
     """
-    files = [*write_manifest(folder), write_assembly(folder)]
-    with contextlib.suppress(MissingExtraError):
-        files.append(write_sheet(folder))
+    with folder.writing():
+        files = [*write_manifest(folder), write_assembly(folder)]
+        with contextlib.suppress(MissingExtraError):
+            files.append(write_sheet(folder))
     return [file for file in files if file is not None]
 
 
@@ -117,11 +123,11 @@ def status_of(folder: BatchFolder, running: bool | None = None) -> Status:
     """How far the batch in a folder is.
 
     Raises:
-        InputError: it is not the folder of a batch.
+        InputError: it is not the folder of a batch, or a sample is damaged.
     """
     count = folder.sweep.count
     finished = folder.finished()
-    reasons = Counter(facts["reason"] for i in finished if (facts := folder.metrics(i))["status"] == "failed")
+    reasons = Counter(str(facts.get("reason")) for i in finished if (facts := folder.metrics(i))["status"] == "failed")
     rate = _rate(folder, finished)
     left = count - len(finished)
     return Status(

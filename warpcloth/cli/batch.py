@@ -101,7 +101,9 @@ def _plan(sweep: "Sweep", path: Path, workers: int | None, worlds: int | None) -
     from ..batch.folder import BatchFolder
     from ..batch.plan import make_plan
 
-    plan = make_plan(sweep, BatchFolder(path), workers, worlds, estimate=True)
+    folder = BatchFolder(path)
+    folder.check(sweep)
+    plan = make_plan(sweep, folder, workers, worlds, estimate=True)
     seconds = plan.seconds or 0.0
     lines = [
         f"{sweep.name}: {plan.samples:,} samples of {plan.particles:,} particles, at most {plan.frames:,} frames each",
