@@ -261,6 +261,23 @@ def test_the_command(tmp_path, capfd):
     assert run("status")[0] == 2
 
 
+def test_samples_that_failed_make_the_exit_code_3(tmp_path, capfd):
+    """One of two, whose cloth starts inside the ball; also when there is nothing left to do."""
+    sweep = 'scene = "scene.toml"\ndesign = "grid"\n[[parameter]]\npath = "cloth.0.position.2"\nvalues = [0.21, 0.1]\n'
+    path, out = str(written(tmp_path, sweep)), str(tmp_path / "out")
+    for _ in range(2):
+        assert cli(["batch", path, "-o", out, "--workers", "1"]) == 3
+        report = capfd.readouterr().out
+        assert "1 of 2 samples done, 1 failed" in report
+        assert "1 ×: Cloth" in report
+    for question in ("status", "index"):
+        assert cli(["batch", question, out, "--json"]) == 0
+        status = json.loads(capfd.readouterr().out)
+        assert (status["done"], status["failed"]) == (1, 1)
+    assert cli(["batch", "--help"]) == 0
+    assert "3 if any failed" in capfd.readouterr().out
+
+
 def test_a_preview_is_a_picture_of_the_last_frame(tmp_path, monkeypatch):
     seen = []
 

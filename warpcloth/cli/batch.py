@@ -9,7 +9,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from .. import validate
-from ..errors import InputError
+from ..errors import InputError, SimulationError
 from .report import INTERRUPTED, Report
 from .terminal import messages, start_warp
 
@@ -50,7 +50,10 @@ def command(
     retry_failed: Retry = False,
     dry_run: DryRun = False,
 ) -> Report:
-    """Simulate a SWEEP of one scene: many samples into one folder. The same command again resumes it."""
+    """Simulate a SWEEP of one scene: many samples into one folder. The same command again resumes it.
+
+    The exit code is 0 if all samples of the sweep are done, 3 if any failed; the others are done all the same.
+    """
     if what in QUESTIONS:
         return _answer(what, folder or output)
     if folder is not None:
@@ -73,10 +76,10 @@ def _run(sweep: "Sweep", path: Path, options: dict[str, Any]) -> Report:
     from ..batch.folder import BatchFolder
     from ..batch.run import run_batch, status_of
 
-    code = 0
     try:
         with _progress(sweep.name) as on_progress:
             status = run_batch(sweep, path, on_progress=on_progress, **options)
+        code = SimulationError.exit_code if status.failed else 0
     except KeyboardInterrupt:
         if not (BatchFolder(path).path / "sweep.json").exists():
             raise
