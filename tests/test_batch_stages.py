@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import pytest
 from batch_sweeps import contents, simulated
 from warpcloth.scenes import export_scene, load_scene
 
 from warpcloth.batch import Sweep, load_sweep
 from warpcloth.batch.prepared import prepare
+from warpcloth.errors import SceneError
 
 
 def exported(file: Path, scene: str = "hanging", *changes: str) -> Path:
@@ -52,3 +54,33 @@ def test_networks_of_stages_are_simulated_each_by_itself(tmp_path):
     first, second = (prepare(sweep.sample(index)) for index in (0, 1))
     assert len(first.built.network.points) == 3
     assert first.companions != second.companions
+
+
+GLOB = 'path = "stage.path"\nglob = "stages/*.usda"'
+TABLES = 'path = "stage"\nvalues = [{ path = "stages/a.usda" }, { path = "stages/b.usda", cloth = ["/World"] }]'
+
+
+@pytest.mark.parametrize("parameter", [GLOB, TABLES])
+@pytest.mark.parametrize("scene", ["scene.toml", "stages/a.usda"])
+@pytest.mark.parametrize("own", ["", "fps = 10.0\n"])
+def test_each_stage_has_its_own_clock_and_gravity(tmp_path, monkeypatch, scene, parameter, own):
+    exported(tmp_path / "stages" / "a.usda")
+    exported(tmp_path / "stages" / "b.usda", "hanging", "frames=9", "fps=50", "simulation.gravity=[0, 0, -1.6]")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    gravity = '[[parameter]]\npath = "simulation.gravity.0"\nvalues = [0.5]\n'
+    sweep_of(tmp_path, f'{own}[stage]\npath = "stages/a.usda"\n', f"{parameter}\n{gravity}")
+    sweep = load_sweep(tmp_path / "sweep.toml", [f"scene={scene}"])
+    assert Sweep.from_json(sweep.as_json()) == sweep
+    scenes = [sweep.sample(index).scene for index in (0, 1)]
+    assert [one.stage.path for one in scenes] == [str(tmp_path / "stages" / f"{name}.usda") for name in "ab"]
+    assert [one.frames for one in scenes] == [6, 9]
+    assert [one.fps for one in scenes] == ([10.0, 10.0] if own and scene == "scene.toml" else [24.0, 50.0])
+    assert [one.simulation.gravity for one in scenes] == [(0.5, 0.0, -9.81), (0.5, 0.0, -1.6)]
+
+
+def test_lists_that_are_none_are_said(tmp_path):
+    exported(tmp_path / "stage.usda")
+    sweep = sweep_of(tmp_path, '[stage]\npath = "stage.usda"\n', 'path = "cloth"\nvalues = [5]')
+    with pytest.raises(SceneError, match="sample 0: cloth must be a list, not 5"):
+        sweep.check()

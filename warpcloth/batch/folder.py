@@ -113,7 +113,7 @@ class BatchFolder:
             what = f"was begun by warpcloth {theirs['version']}, and this is {ours['version']}"
         elif ours["name"] != theirs["name"] or ours["folder"] != theirs["folder"]:
             what = f"belongs to another sweep, {theirs['name']}.toml in {theirs['folder']}"
-        elif ours["scene"] != theirs["scene"]:
+        elif ours["scene"] != theirs["scene"] or ours.get("own") != theirs.get("own"):
             what = f"was begun with another state of the scene {ours['sweep']['scene']!r}"
         else:
             keys = ours["sweep"].keys() | theirs["sweep"].keys()
