@@ -2,6 +2,7 @@
 
 import json
 import os
+import time
 
 import pytest
 from batch_sweeps import SWEEP, simulated, written
@@ -9,6 +10,8 @@ from batch_sweeps import SWEEP, simulated, written
 from warpcloth.batch import load_sweep
 from warpcloth.batch.folder import SWEEP as SWEEP_FILE
 from warpcloth.batch.folder import BatchFolder
+from warpcloth.batch.job import fail
+from warpcloth.batch.run import status_of
 from warpcloth.cli import run as cli
 
 
@@ -114,3 +117,20 @@ def test_what_a_kill_left_of_the_sweep_is_no_obstacle(tmp_path):
     sweep = load_sweep(written(tmp_path))
     folder.claim(sweep)
     assert folder.sweep.identity == sweep.identity
+
+
+def test_the_rate_is_that_of_the_run(tmp_path):
+    """Two samples of long ago, then two that ended together 20 seconds after their run began."""
+    sweep, folder = load_sweep(written(tmp_path, SWEEP.replace("count = 6", "count = 32"))), BatchFolder(tmp_path / "b")
+    folder.claim(sweep)
+    assert status_of(folder).samples_per_minute is None
+    now = time.time()
+    for index, age in enumerate([9000.0, 8000.0, 0.03, 0.0]):
+        fail(folder, sweep.sample(index), "Slow.")
+        os.utime(folder.place(index), (now - age, now - age))
+    folder.begun.touch()
+    os.utime(folder.begun, (now - 20.0, now - 20.0))
+    for running in (True, False):
+        status = status_of(folder, running)
+        assert status.samples_per_minute == pytest.approx(6.0, rel=0.1)
+        assert status.seconds_left == pytest.approx(280.0, rel=0.1)

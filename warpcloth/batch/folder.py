@@ -32,12 +32,14 @@ class BatchFolder:
 
     Attributes:
         path: the folder. samples: where complete samples are. partial: where samples grow.
-        stale: a file that is there while manifest, assembly and picture may lack samples.
+        begun: an empty file, as old as the latest run that had something to do.
+        stale: another one, which is there while manifest, assembly and picture may lack samples.
     """
 
     def __init__(self, path: str | Path):
         self.path = Path(path).expanduser().absolute()
-        self.samples, self.partial, self.stale = (self.path / name for name in ("samples", ".partial", ".stale"))
+        self.samples, self.partial = self.path / "samples", self.path / ".partial"
+        self.begun, self.stale = self.path / ".begun", self.path / ".stale"
 
     @property
     def sweep(self) -> Sweep:

@@ -1,6 +1,7 @@
 """A batch from beginning to end, and what can be said of one at any time."""
 
 import contextlib
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
@@ -20,8 +21,6 @@ from .queue import Queue
 from .sheet import write_sheet
 from .sweep import Sweep
 
-RECENT = 64  # samples over which the rate is taken
-
 
 @dataclass(frozen=True)
 class Status:
@@ -30,7 +29,7 @@ class Status:
     Attributes:
         folder: of the batch. samples: number of all. done, failed: of those that are complete.
         running: whether a batch is at work in the folder.
-        samples_per_minute: lately; None if fewer than two are complete.
+        samples_per_minute: in the run that is at work, or was last; None before its first sample.
         seconds_left: at that rate; None if it is not known.
         reasons: why samples failed, and how many each.
     """
@@ -91,6 +90,7 @@ def run_batch(
             plan = make_plan(sweep, folder, workers, worlds)
             folder.check_space(plan.bytes)
             if plan.left:
+                folder.begun.touch()
                 folder.stale.touch()
         try:
             for outcome in _outcomes(sweep, folder, plan, cluster):
@@ -128,14 +128,15 @@ def status_of(folder: BatchFolder, running: bool | None = None) -> Status:
     count = folder.sweep.count
     finished = folder.finished()
     reasons = Counter(str(facts.get("reason")) for i in finished if (facts := folder.metrics(i))["status"] == "failed")
-    rate = _rate(folder, finished)
+    running = folder.busy if running is None else running
+    rate = _rate(folder, finished, running)
     left = count - len(finished)
     return Status(
         folder=folder.path,
         samples=count,
         done=len(finished) - reasons.total(),
         failed=reasons.total(),
-        running=folder.busy if running is None else running,
+        running=running,
         samples_per_minute=None if rate is None else 60.0 * rate,
         seconds_left=0.0 if left == 0 else None if rate is None else left / rate,
         reasons=dict(reasons.most_common()),
@@ -152,9 +153,11 @@ def _outcomes(sweep: Sweep, folder: BatchFolder, plan: Plan, cluster: Cluster | 
         yield from LocalPool(sweep, folder, queue, plan.workers, plan.gpus).run()
 
 
-def _rate(folder: BatchFolder, finished: list[int]) -> float | None:
-    """Samples per second, by the times at which the latest ones came into place."""
-    times = sorted(folder.place(index).stat().st_mtime for index in finished)[-RECENT:]
-    if len(times) < 2 or times[-1] <= times[0]:
+def _rate(folder: BatchFolder, finished: list[int], running: bool) -> float | None:
+    """Samples per second since the latest run began; worlds that end together say nothing about each other."""
+    if not folder.begun.exists():
         return None
-    return (len(times) - 1) / max(times[-1] - times[0], 1e-9)
+    begun = folder.begun.stat().st_mtime
+    times = [moment for index in finished if (moment := folder.place(index).stat().st_mtime) >= begun]
+    seconds = (time.time() if running else max(times, default=begun)) - begun
+    return len(times) / seconds if times and seconds > 0.0 else None

@@ -150,7 +150,7 @@ def _summary(status: "Status") -> str:
     if status.running:
         lines.append("a batch is at work in it")
     if status.samples_per_minute is not None:
-        lines.append(f"{status.samples_per_minute:.1f} samples a minute lately")
+        lines.append(f"{status.samples_per_minute:.1f} samples a minute")
     if status.seconds_left:
         lines.append(f"{duration(status.seconds_left)} left at that rate")
     reasons = list(status.reasons.items())
