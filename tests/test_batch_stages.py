@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from batch_sweeps import contents, simulated
-from warpcloth.scenes import export_scene, load_scene
+from warpcloth.scenes import export_scene, load_scene, simulate
+from warpcloth.scenes.usd.playback import Playback
 
 from warpcloth.batch import Sweep, load_sweep
 from warpcloth.batch.prepared import prepare
@@ -44,6 +46,11 @@ def test_substeps_are_those_of_the_stage_s_own_cloth(tmp_path):
     batches = [simulated(tmp_path / "sweep.toml", tmp_path / f"worlds{worlds}", worlds)[0] for worlds in (1, 2)]
     assert [batches[0].metrics(index)["status"] for index in (0, 1)] == ["done", "done"]
     assert contents(batches[0]) == contents(batches[1])
+    again = simulate(load_scene(batches[0].place(1) / "scene.toml"), tmp_path / "again.usda").output
+    cloths = [Playback(file) for file in (again, batches[0].place(1) / "cache.usdc")]
+    points = [playback.points(playback.cloths[0], 6) for playback in cloths]
+    assert points[0].std() > 0.1
+    np.testing.assert_allclose(points[0], points[1], atol=1e-6)
 
 
 def test_networks_of_stages_are_simulated_each_by_itself(tmp_path):

@@ -37,7 +37,7 @@ class ParameterTable(Choice):
     weights: Annotated[tuple[float, ...], Rows(SHARE)] | None = field(
         None, "How often each of `values` comes, relative to others."
     )
-    whole: bool = field(False, "Whether to round to whole numbers.")
+    whole: bool = field(False, "Whether to round what is drawn, or a range, to whole numbers.")
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
