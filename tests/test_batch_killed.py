@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
@@ -124,3 +125,39 @@ def test_what_was_not_indexed_is_when_the_batch_is_resumed(tmp_path, monkeypatch
     assert rows() < 3 == status_of(BatchFolder(tmp_path / "batch")).done
     run_batch(sweep, tmp_path / "batch", workers=1)
     assert rows() == 3
+
+
+def test_ctrl_c_once_more_lets_the_index_be_finished(tmp_path, monkeypatch):
+    sweep = load_sweep(written(tmp_path, SWEEP.replace("count = 6", "count = 2")))
+    reached = []
+
+    def pressed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    def write_sheet(folder: BatchFolder) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        reached.append(folder.path)
+
+    monkeypatch.setattr(run, "write_sheet", write_sheet)
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(sweep, tmp_path / "batch", workers=1, on_progress=pressed)
+    assert reached == [tmp_path / "batch"]
+    assert not BatchFolder(tmp_path / "batch").stale.exists()
+
+
+def test_two_at_the_index_take_turns(tmp_path, monkeypatch):
+    """Four that write one and the same partial file would fail, or mix what they write."""
+    folder = BatchFolder(tmp_path / "batch")
+    folder.claim(load_sweep(written(tmp_path)))
+    at_work, most = [], []
+
+    def write_assembly(_: BatchFolder) -> None:
+        at_work.append(1)
+        time.sleep(0.1)
+        most.append(len(at_work))
+        at_work.pop()
+
+    monkeypatch.setattr(run, "write_assembly", write_assembly)
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(run.index_batch, [folder] * 4))
+    assert most == [1, 1, 1, 1]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import MissingExtraError
+from ..scenes.interrupt import stop_on_interrupt
 from .assembly import write_assembly
 from .cluster import Cluster, ClusterPool
 from .extra import needed
@@ -20,6 +21,8 @@ from .pool import LocalPool
 from .queue import Queue
 from .sheet import write_sheet
 from .sweep import Sweep
+
+INDEXING = ".index.lock"
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,9 @@ def run_batch(
         finally:
             folder.sweep_up()
             if folder.stale.exists() or not (folder.path / PARQUET).exists():
-                index_batch(folder)
+                with stop_on_interrupt() as request:
+                    request.waits = True  # for all of the index, whoever presses Ctrl-C once more
+                    index_batch(folder)
                 folder.stale.unlink(missing_ok=True)
         return status_of(folder, running=False)
 
@@ -107,12 +112,12 @@ def run_batch(
 def index_batch(folder: BatchFolder) -> list[Path]:
     """Writes the manifest, the assembly and the picture anew from the folders of the samples; returns what it wrote.
 
-    There is no picture where pyvista is not installed.
+    There is no picture where pyvista is not installed. One that is at it already is waited for.
 
     Raises:
         InputError: a sample is damaged, or the folder cannot be written to.
     """
-    with folder.writing():
+    with folder.writing(), needed("filelock").FileLock(folder.path / INDEXING):
         files = [*write_manifest(folder), write_assembly(folder)]
         with contextlib.suppress(MissingExtraError):
             files.append(write_sheet(folder))
