@@ -88,6 +88,16 @@ def test_the_manifest_and_the_assembly_come_from_the_folders(alone):
     assert stage.GetEndTimeCode() == max(alone.metrics(index)["metrics"]["frames"] for index in range(6))
 
 
+def test_networks_stand_side_by_side(tmp_path):
+    """The pendulum reaches 1.5 m to the side."""
+    sweep = 'scene = "pendulum"\ndesign = "grid"\n[[parameter]]\npath = "network.k_s"\nvalues = [200.0, 300.0]\n'
+    sweep += '[[parameter]]\npath = "frames"\nvalues = [2]\n'
+    folder, _ = simulated(written(tmp_path, sweep), tmp_path / "batch", worlds=1)
+    index_batch(folder)
+    stage = Usd.Stage.Open(str(folder.path / "assembly.usda"))
+    assert stage.GetPrimAtPath("/Samples/sample_000001").GetAttribute("xformOp:translate").Get()[0] > 3.0
+
+
 OBJECTS = """
 scene = "scene.toml"
 design = "grid"

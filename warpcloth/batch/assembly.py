@@ -70,10 +70,10 @@ def _fill(stage: Usd.Stage, files: dict[int, Path], folder: BatchFolder) -> None
 
 
 def _width(stage: Usd.Stage) -> float:
-    """Greatest width of a drape's cloth along x or y at its end [m], about the origin of its scene."""
+    """Greatest width of all that moves in a drape along x or y at its end [m], about the origin of its scene."""
     widest = 0.0
     for prim in stage.Traverse():
-        points = UsdGeom.Mesh(prim).GetPointsAttr() if prim.IsA(UsdGeom.Mesh) else None
+        points = UsdGeom.PointBased(prim).GetPointsAttr() if prim.IsA(UsdGeom.PointBased) else None
         if points and points.GetNumTimeSamples():
             values = np.array(points.Get(stage.GetEndTimeCode()))
             widest = max(widest, 2.0 * float(np.abs(values[:, :2]).max(initial=0.0)))
