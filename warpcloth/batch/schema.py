@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from ..scenes.schema.table import Choice, Table, choice, field
 from ..scenes.schema.values import Number, Rows, Text, Vector, positive, refuse
 
+MOST_SAMPLES = 10_000_000
 ANY = Number("", -1e12, 1e12)
 SHARE = positive("", 1e12)
 Bounds = Vector("low high", ANY)
@@ -44,8 +45,9 @@ class ParameterTable(Choice):
         bounds = self.uniform or self.log_uniform
         if bounds is not None and not bounds[0] < bounds[1]:
             raise refuse(f"must have a lower bound below the upper one, not [{bounds[0]:g}, {bounds[1]:g}]")
-        if self.range is not None and not (self.range[2] >= 1 and float(self.range[2]).is_integer()):
-            raise refuse(f"must have a whole number of values in its range, at least 1, not {self.range[2]:g}")
+        if self.range is not None and not (1 <= self.range[2] <= MOST_SAMPLES and self.range[2].is_integer()):
+            most = f"from 1 to {MOST_SAMPLES:,}, not {self.range[2]:g}"
+            raise refuse(f"must have a whole number of values in its range, {most}")
         if self.normal is not None and self.normal[1] < 0.0:
             raise refuse(f"must have a standard deviation of 0 or more, not {self.normal[1]:g}")
         if self.weights is not None and len(self.weights) != len(self.values or ()):
@@ -69,7 +71,7 @@ class SweepTable(Table):
     scene: Annotated[str, Text("", "the name of a bundled scene or the path of a scene file", 4096)] = field(
         ..., "Bundled scene, or scene file relative to the sweep file."
     )
-    count: Annotated[int, Number("", 1, 10_000_000, whole=True)] | None = field(
+    count: Annotated[int, Number("", 1, MOST_SAMPLES, whole=True)] | None = field(
         None, "Number of samples; by default once each combination of a grid."
     )
     design: Literal["random", "sobol", "latin_hypercube", "grid"] = field(

@@ -4,7 +4,7 @@ import copy
 import hashlib
 import itertools
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +19,7 @@ from ..scenes import Scene, load_scene
 from ..scenes.load import STAGES, bundled_scenes, find_scene, parse_toml, read_text, scene_from_data
 from ..scenes.overrides import apply_overrides, assign
 from ..scenes.schema import explain, suggest
-from .draws import coordinates, grid_coordinates, value_at
+from .draws import coordinates, grid_coordinates, quantile
 from .schema import ParameterTable, SweepTable
 
 FORMAT = 1  # of the frozen sweep; another one means that samples would differ
@@ -66,6 +66,11 @@ class Sweep:
             return grid_coordinates(table.parameter, table.count, table.seed)
         return coordinates(table.design, table.count or 0, len(table.parameter), table.seed)
 
+    @cached_property
+    def quantiles(self) -> dict[str, Callable[[float], Any]]:
+        """Of each parameter by its path: the value at a coordinate."""
+        return {parameter.path: quantile(parameter) for parameter in self.table.parameter}
+
     @property
     def count(self) -> int:
         """Number of samples."""
@@ -77,8 +82,8 @@ class Sweep:
         Raises:
             SceneError: its parameters do not make a scene.
         """
-        pairs = zip(self.table.parameter, self.coordinates[index], strict=True)
-        parameters = {parameter.path: value_at(parameter, float(u)) for parameter, u in pairs}
+        pairs = zip(self.quantiles.items(), self.coordinates[index], strict=True)
+        parameters = {path: value_at(float(u)) for (path, value_at), u in pairs}
         try:
             data = self._tables(parameters)
             data["seed"] = int(np.random.SeedSequence([self.table.seed, index]).generate_state(1)[0])
