@@ -130,6 +130,8 @@ UNIFORM = 'path = "cloth.0.position.2"\nuniform = [0.3, 0.5]'
         ('path = "cloth.0.size.0"\nvalues = [1]\nweights = [1, 2]', "count = 1", "as many weights as values, not 2"),
         ('path = "cloth.0.size.0"\nrange = [1, 2, 0.5]', "count = 1", "a whole number of values in its range"),
         ('path = "cloth.0.size.0"\nrange = [1, 2, 1e11]', "count = 1", "range, from 1 to 10,000,000, not 1e.11"),
+        ('path = "cloth.0.size.0"\nvalues = [1, nan]', "count = 1", "finite numbers among its values, and item 1 is"),
+        ('path = "cloth.0"\nvalues = [{ size = [inf, 1] }]', "count = 1", "parameter.0 must have only finite numbers"),
         ('path = "obstacle.0.path"\nglob = "*.nothing"', "count = 1", "no file matches the pattern"),
         (f"{UNIFORM}\n[[parameter]]\n{UNIFORM}", "count = 1", "only one .* for 'cloth.0.position.2'"),
         ('path = "cloth.0.siez.0"\nvalues = [1]', "count = 1", "sample 0: .*siez' is unknown; did you mean 'size'"),

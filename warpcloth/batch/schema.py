@@ -1,5 +1,6 @@
 """The schema of sweep files."""
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
@@ -42,6 +43,9 @@ class ParameterTable(Choice):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
+        wrong = next((i for i, value in enumerate(self.values or ()) if not _is_finite(value)), None)
+        if wrong is not None:
+            raise refuse(f"must have only finite numbers among its values, and item {wrong} is not")
         bounds = self.uniform or self.log_uniform
         if bounds is not None and not bounds[0] < bounds[1]:
             raise refuse(f"must have a lower bound below the upper one, not [{bounds[0]:g}, {bounds[1]:g}]")
@@ -53,6 +57,13 @@ class ParameterTable(Choice):
         if self.weights is not None and len(self.weights) != len(self.values or ()):
             raise refuse(f"must have as many weights as values, not {len(self.weights)} for {len(self.values or ())}")
         return self
+
+
+def _is_finite(value: Any) -> bool:
+    """Whether a TOML value is, or holds, no number that JSON does not have."""
+    if isinstance(value, dict | list):
+        return all(map(_is_finite, value.values() if isinstance(value, dict) else value))
+    return not isinstance(value, float) or math.isfinite(value)
 
 
 class LimitsTable(Table):
