@@ -109,6 +109,11 @@ def test_an_empty_drape_is_said(batch, capfd):
     assert f"Cannot read {batch.place(1)}/pose.usdc: the file is empty." in refused(capfd, "index", str(batch.path))
 
 
+def test_an_assembly_that_cannot_be_written_is_said(batch, capfd):
+    (batch.path / ".partial.assembly.usda").mkdir()
+    assert f"Cannot write {batch.path}/assembly.usda: " in refused(capfd, "index", str(batch.path))
+
+
 def test_what_a_kill_left_of_the_sweep_is_no_obstacle(tmp_path):
     folder = BatchFolder(tmp_path / "batch")
     folder.path.mkdir()

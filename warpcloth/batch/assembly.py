@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics
 
+from ..scenes.usd.failures import as_usd_error
 from ..scenes.usd.opening import open_stage
 from .folder import BatchFolder, flush
 from .recorder import CACHE, POSE
@@ -21,21 +22,22 @@ def write_assembly(folder: BatchFolder) -> Path | None:
     Samples stand in rows along x, in the order of their numbers. Those that end before the last one stand still.
 
     Raises:
-        UsdError: a drape cannot be read.
+        UsdError: a drape cannot be read, or the stage cannot be written.
     """
     files = {index: file for index in folder.finished() if (file := drape_file(folder, index)) is not None}
     if not files:
         return None
     partial = folder.path / f".partial.{ASSEMBLY}"
     layer = Sdf.Layer.CreateAnonymous(".usda")
-    _fill(
-        Usd.Stage.Open(layer, Usd.Stage.LoadNone),
-        {index: file.relative_to(folder.path) for index, file in files.items()},
-        folder,
-    )
-    layer.Export(str(partial))
-    flush(partial)
-    partial.replace(folder.path / ASSEMBLY)
+    with as_usd_error(f"Cannot write {folder.path / ASSEMBLY}"):
+        _fill(
+            Usd.Stage.Open(layer, Usd.Stage.LoadNone),
+            {index: file.relative_to(folder.path) for index, file in files.items()},
+            folder,
+        )
+        layer.Export(str(partial))
+        flush(partial)
+        partial.replace(folder.path / ASSEMBLY)
     return folder.path / ASSEMBLY
 
 

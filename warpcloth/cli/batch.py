@@ -36,7 +36,9 @@ Worlds = Annotated[
 ]
 Ray = Annotated[str | None, typer.Option("--ray", metavar="ADDRESS", help="Run on a Ray cluster, e.g. auto.")]
 Retry = Annotated[bool, typer.Option("--retry-failed", help="Try again what failed before.")]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Check everything, print the plan and what it will cost.")]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Check sweep and folder, print the plan and what it will cost.")
+]
 
 
 def command(
