@@ -88,6 +88,16 @@ def test_the_manifest_and_the_assembly_come_from_the_folders(alone):
     assert stage.GetEndTimeCode() == max(alone.metrics(index)["metrics"]["frames"] for index in range(6))
 
 
+def test_networks_stand_side_by_side(tmp_path):
+    """The pendulum reaches 1.5 m to the side."""
+    sweep = 'scene = "pendulum"\ndesign = "grid"\n[[parameter]]\npath = "network.k_s"\nvalues = [200.0, 300.0]\n'
+    sweep += '[[parameter]]\npath = "frames"\nvalues = [2]\n'
+    folder, _ = simulated(written(tmp_path, sweep), tmp_path / "batch", worlds=1)
+    index_batch(folder)
+    stage = Usd.Stage.Open(str(folder.path / "assembly.usda"))
+    assert stage.GetPrimAtPath("/Samples/sample_000001").GetAttribute("xformOp:translate").Get()[0] > 3.0
+
+
 OBJECTS = """
 scene = "scene.toml"
 design = "grid"
@@ -181,7 +191,8 @@ def test_jobs_shrink_towards_the_end_and_halve_after_a_death():
     assert sizes == [5, 4, 3, 2, 2, 1, 1, 1, 1]
     assert not queue.take()
     queue.put_back([3, 4, 5])
-    assert (len(queue), queue.take(), queue.take(), len(queue)) == (3, [3, 4], [5], 0)
+    queue.put_back([1, 2])  # before those that are farther from being alone
+    assert (len(queue), [queue.take() for _ in range(4)], len(queue)) == (5, [[1], [2], [3, 4], [5]], 0)
 
 
 def test_a_folder_belongs_to_one_sweep(alone, tmp_path):
@@ -258,6 +269,23 @@ def test_the_command(tmp_path, capfd):
     assert run(path, "--workers", "0", "-o", out)[0] == 2
     assert run("status", str(tmp_path))[0] == 2
     assert run("status")[0] == 2
+
+
+def test_samples_that_failed_make_the_exit_code_3(tmp_path, capfd):
+    """One of two, whose cloth starts inside the ball; also when there is nothing left to do."""
+    sweep = 'scene = "scene.toml"\ndesign = "grid"\n[[parameter]]\npath = "cloth.0.position.2"\nvalues = [0.21, 0.1]\n'
+    path, out = str(written(tmp_path, sweep)), str(tmp_path / "out")
+    for _ in range(2):
+        assert cli(["batch", path, "-o", out, "--workers", "1"]) == 3
+        report = capfd.readouterr().out
+        assert "1 of 2 samples done, 1 failed" in report
+        assert "1 ×: Cloth" in report
+    for question in ("status", "index"):
+        assert cli(["batch", question, out, "--json"]) == 0
+        status = json.loads(capfd.readouterr().out)
+        assert (status["done"], status["failed"]) == (1, 1)
+    assert cli(["batch", "--help"]) == 0
+    assert "3 if any failed" in capfd.readouterr().out
 
 
 def test_a_preview_is_a_picture_of_the_last_frame(tmp_path, monkeypatch):

@@ -7,14 +7,18 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
+import pytest
 from batch_sweeps import SCENE, SWEEP, contents, simulated, written
 
+from warpcloth.batch import load_sweep, run
 from warpcloth.batch.folder import BatchFolder
 from warpcloth.batch.recorder import METRICS
 from warpcloth.batch.recorder import SCENE as SCENE_FILE
+from warpcloth.batch.run import run_batch, status_of
 
 ROUNDS = int(os.environ.get("WARPCLOTH_KILLS", "3"))  # deaths of parents; for each, some of workers
 MANY = SWEEP.replace("count = 6", "count = 24")
@@ -96,3 +100,64 @@ def test_ctrl_c_leaves_a_batch_to_resume(tmp_path):
     assert (folder.path / "manifest.csv").read_text().count("\n") == status["done"] + 1
     assert not list(folder.partial.iterdir())
     assert_whole(folder)
+
+
+def test_what_was_not_indexed_is_when_the_batch_is_resumed(tmp_path, monkeypatch):
+    sweep = load_sweep(written(tmp_path, SWEEP.replace("count = 6", "count = 3")))
+
+    def rows() -> int:
+        return (tmp_path / "batch" / "manifest.csv").read_text().count("\n") - 1
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    def stop_at_outcome(plan: object, outcome: object) -> None:
+        if outcome is not None:
+            stop()
+
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(sweep, tmp_path / "batch", workers=1, worlds=1, on_progress=stop_at_outcome)
+    assert rows() < 3
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "index_batch", stop)
+        with pytest.raises(KeyboardInterrupt):
+            run_batch(sweep, tmp_path / "batch", workers=1)
+    assert rows() < 3 == status_of(BatchFolder(tmp_path / "batch")).done
+    run_batch(sweep, tmp_path / "batch", workers=1)
+    assert rows() == 3
+
+
+def test_ctrl_c_once_more_lets_the_index_be_finished(tmp_path, monkeypatch):
+    sweep = load_sweep(written(tmp_path, SWEEP.replace("count = 6", "count = 2")))
+    reached = []
+
+    def pressed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    def write_sheet(folder: BatchFolder) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        reached.append(folder.path)
+
+    monkeypatch.setattr(run, "write_sheet", write_sheet)
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(sweep, tmp_path / "batch", workers=1, on_progress=pressed)
+    assert reached == [tmp_path / "batch"]
+    assert not BatchFolder(tmp_path / "batch").stale.exists()
+
+
+def test_two_at_the_index_take_turns(tmp_path, monkeypatch):
+    """Four that write one and the same partial file would fail, or mix what they write."""
+    folder = BatchFolder(tmp_path / "batch")
+    folder.claim(load_sweep(written(tmp_path)))
+    at_work, most = [], []
+
+    def write_assembly(_: BatchFolder) -> None:
+        at_work.append(1)
+        time.sleep(0.1)
+        most.append(len(at_work))
+        at_work.pop()
+
+    monkeypatch.setattr(run, "write_assembly", write_assembly)
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(run.index_batch, [folder] * 4))
+    assert most == [1, 1, 1, 1]

@@ -8,7 +8,7 @@ from batch_sweeps import SCENE, written
 from scipy import stats
 
 from warpcloth import batch
-from warpcloth.batch import Sweep, load_sweep
+from warpcloth.batch import Sweep, draws, load_sweep
 from warpcloth.batch.schema import LimitsTable, ParameterTable, SweepTable
 from warpcloth.errors import SceneError
 
@@ -81,6 +81,16 @@ def test_a_grid_has_every_combination_once(tmp_path):
     assert sweep.sample(5).scene.cloth[0].fabric.name == "denim"
 
 
+def test_a_long_range_is_made_once(tmp_path, monkeypatch):
+    made = []
+    levels = draws.levels
+    monkeypatch.setattr(draws, "levels", lambda parameter: made.append(parameter.path) or levels(parameter))
+    path = "cloth.0.position.2"
+    sweep = sweep_of(tmp_path, f'path = "{path}"\nrange = [0.3, 0.5, 100]', head='design = "grid"')
+    np.testing.assert_allclose(values(sweep, path), np.linspace(0.3, 0.5, 100))
+    assert len(made) < 10
+
+
 def test_whole_tables_and_fields_within_them(tmp_path):
     sweep = sweep_of(
         tmp_path,
@@ -129,6 +139,9 @@ UNIFORM = 'path = "cloth.0.position.2"\nuniform = [0.3, 0.5]'
         ('path = "cloth.0.size.0"\nuniform = [1, 2]\nvalues = [1]', "count = 1", "must have exactly one of"),
         ('path = "cloth.0.size.0"\nvalues = [1]\nweights = [1, 2]', "count = 1", "as many weights as values, not 2"),
         ('path = "cloth.0.size.0"\nrange = [1, 2, 0.5]', "count = 1", "a whole number of values in its range"),
+        ('path = "cloth.0.size.0"\nrange = [1, 2, 1e11]', "count = 1", "range, from 1 to 10,000,000, not 1e.11"),
+        ('path = "cloth.0.size.0"\nvalues = [1, nan]', "count = 1", "finite numbers among its values, and item 1 is"),
+        ('path = "cloth.0"\nvalues = [{ size = [inf, 1] }]', "count = 1", "parameter.0 must have only finite numbers"),
         ('path = "obstacle.0.path"\nglob = "*.nothing"', "count = 1", "no file matches the pattern"),
         (f"{UNIFORM}\n[[parameter]]\n{UNIFORM}", "count = 1", "only one .* for 'cloth.0.position.2'"),
         ('path = "cloth.0.siez.0"\nvalues = [1]', "count = 1", "sample 0: .*siez' is unknown; did you mean 'size'"),

@@ -1,5 +1,6 @@
 """The command line: what goes to stdout, what to stderr, and the exit code."""
 
+import io
 import json
 import os
 import signal
@@ -13,8 +14,9 @@ from rich.text import Text
 from warpcloth.scenes import bundled_scenes
 
 import warpcloth
-from warpcloth.cli import app, run
+from warpcloth.cli import app, run, simulate
 from warpcloth.cli.report import Report, to_json
+from warpcloth.cli.terminal import plain_console
 
 PROMISED = {
     "scene", "integrator", "precision", "device", "frames", "substeps", "particles", "springs", "triangles",
@@ -211,6 +213,19 @@ def test_reports_of_people_are_plain_text_in_a_pipe(capsys):
 
     print_report(Report({}, Text("done", style="green")), sys.stdout, as_json=False)
     assert capsys.readouterr().out == "done\n"
+
+
+@pytest.mark.parametrize("name", ["d[v2]", "d[/b]", "d:zap:"])
+def test_names_are_shown_as_they_are(name, folder, capfd, monkeypatch):
+    (folder / name).parent.mkdir(exist_ok=True)
+    (folder / "napkin.toml").rename(folder / f"{name}.toml")
+    terminal = io.StringIO()
+    monkeypatch.setattr(simulate, "messages", lambda: plain_console(file=terminal, force_terminal=True))
+    assert run(["simulate", f"{name}.toml", "--frames", "2", "--device", "cpu", "-o", f"{name}.usdc"]) == 0
+    assert f"{name}.usdc: frames 0 to 2" in capfd.readouterr().out
+    assert (folder / name).name in terminal.getvalue()
+    assert run(["simulate", f"{name}.usdx"]) == 2
+    assert f"'{name}.usdx'" in capfd.readouterr().err
 
 
 def test_unstable_steps_are_one_line_on_stderr(tmp_path, capfd, monkeypatch):

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics
 
+from ..scenes.usd.failures import as_usd_error
+from ..scenes.usd.opening import open_stage
 from .folder import BatchFolder, flush
 from .recorder import CACHE, POSE
 
@@ -18,20 +20,24 @@ def write_assembly(folder: BatchFolder) -> Path | None:
     """Writes ``assembly.usda``, which refers to the drapes by payloads; None if there are none.
 
     Samples stand in rows along x, in the order of their numbers. Those that end before the last one stand still.
+
+    Raises:
+        UsdError: a drape cannot be read, or the stage cannot be written.
     """
     files = {index: file for index in folder.finished() if (file := drape_file(folder, index)) is not None}
     if not files:
         return None
     partial = folder.path / f".partial.{ASSEMBLY}"
     layer = Sdf.Layer.CreateAnonymous(".usda")
-    _fill(
-        Usd.Stage.Open(layer, Usd.Stage.LoadNone),
-        {index: file.relative_to(folder.path) for index, file in files.items()},
-        folder,
-    )
-    layer.Export(str(partial))
-    flush(partial)
-    partial.replace(folder.path / ASSEMBLY)
+    with as_usd_error(f"Cannot write {folder.path / ASSEMBLY}"):
+        _fill(
+            Usd.Stage.Open(layer, Usd.Stage.LoadNone),
+            {index: file.relative_to(folder.path) for index, file in files.items()},
+            folder,
+        )
+        layer.Export(str(partial))
+        flush(partial)
+        partial.replace(folder.path / ASSEMBLY)
     return folder.path / ASSEMBLY
 
 
@@ -44,7 +50,7 @@ def drape_file(folder: BatchFolder, index: int) -> Path | None:
 def _fill(stage: Usd.Stage, files: dict[int, Path], folder: BatchFolder) -> None:
     sizes, ends, rate = [], [], 24.0
     for file in files.values():
-        drape = Usd.Stage.Open(str(folder.path / file))
+        drape = open_stage(folder.path / file)
         rate = drape.GetTimeCodesPerSecond()
         ends.append(drape.GetEndTimeCode())
         sizes.append(_width(drape))
@@ -66,10 +72,10 @@ def _fill(stage: Usd.Stage, files: dict[int, Path], folder: BatchFolder) -> None
 
 
 def _width(stage: Usd.Stage) -> float:
-    """Greatest width of a drape's cloth along x or y at its end [m], about the origin of its scene."""
+    """Greatest width of all that moves in a drape along x or y at its end [m], about the origin of its scene."""
     widest = 0.0
     for prim in stage.Traverse():
-        points = UsdGeom.Mesh(prim).GetPointsAttr() if prim.IsA(UsdGeom.Mesh) else None
+        points = UsdGeom.PointBased(prim).GetPointsAttr() if prim.IsA(UsdGeom.PointBased) else None
         if points and points.GetNumTimeSamples():
             values = np.array(points.Get(stage.GetEndTimeCode()))
             widest = max(widest, 2.0 * float(np.abs(values[:, :2]).max(initial=0.0)))

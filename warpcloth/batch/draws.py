@@ -1,7 +1,7 @@
 """Where samples lie in the space of their parameters: coordinates in [0, 1), and the values that belong to them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from .. import validate
 from ..errors import InputError
 from .extra import needed
-from .schema import ParameterTable
+from .schema import MOST_SAMPLES, ParameterTable
 
 FARTHEST_DEVIATION = 4.0  # of a normal distribution [standard deviations]
 
@@ -38,7 +38,7 @@ def grid_coordinates(parameters: Sequence[ParameterTable], count: int | None, se
     """
     sizes = [len(levels(parameter) or [None]) for parameter in parameters]
     total = math.prod(sizes)
-    if count is None and total > 10_000_000:
+    if count is None and total > MOST_SAMPLES:
         raise InputError(f"The grid has {total:,} samples; give a count, or another design.")
     numbers = np.arange(total if count is None else count)
     result = coordinates("random", len(numbers), len(parameters), seed)
@@ -61,20 +61,23 @@ def levels(parameter: ParameterTable) -> list[Any] | None:
     return None
 
 
-def value_at(parameter: ParameterTable, u: float) -> Any:
-    """The value at coordinate u in [0, 1): the quantile of the distribution, or an item of the list."""
+def quantile(parameter: ParameterTable) -> Callable[[float], Any]:
+    """The value of a parameter at each coordinate in [0, 1): an item of its list, or a quantile of its distribution."""
     listed = levels(parameter)
-    if listed is not None:
-        return listed[min(int(np.searchsorted(_bounds(parameter, len(listed)), u, side="right")), len(listed) - 1)]
+    if listed is None:
+        return lambda u: _number(_drawn(parameter, u), parameter.whole)
+    ends = _bounds(parameter, len(listed))
+    return lambda u: listed[min(int(np.searchsorted(ends, u, side="right")), len(listed) - 1)]
+
+
+def _drawn(parameter: ParameterTable, u: float) -> float:
     if parameter.uniform is not None:
         low, high = parameter.uniform
-        value = low + u * (high - low)
-    elif parameter.log_uniform is not None:
+        return low + u * (high - low)
+    if parameter.log_uniform is not None:
         low, high = parameter.log_uniform
-        value = math.exp(math.log(low) + u * math.log(high / low))
-    else:
-        value = _normal(parameter.normal, u)
-    return _number(value, parameter.whole)
+        return math.exp(math.log(low) + u * math.log(high / low))
+    return _normal(parameter.normal, u)
 
 
 def _bounds(parameter: ParameterTable, count: int) -> np.ndarray:

@@ -3,12 +3,14 @@
 import contextlib
 import json
 import os
+import re
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from .. import __version__
 from ..errors import InputError
 from .extra import needed
 from .recorder import METRICS
@@ -16,8 +18,13 @@ from .sweep import Sweep
 
 SWEEP = "sweep.json"
 LOCK = ".lock"
+OWN = (LOCK, f".{SWEEP}")  # with what begins so a folder is as good as empty
 DIGITS = 6
 SPARE = 64 * 2**20  # bytes that must be free on the disk beyond what the samples need
+
+
+class BusyError(InputError):
+    """Another batch is at work in the folder."""
 
 
 class BatchFolder:
@@ -25,11 +32,14 @@ class BatchFolder:
 
     Attributes:
         path: the folder. samples: where complete samples are. partial: where samples grow.
+        begun: an empty file, as old as the latest run that had something to do.
+        stale: another one, which is there while manifest, assembly and picture may lack samples.
     """
 
     def __init__(self, path: str | Path):
         self.path = Path(path).expanduser().absolute()
         self.samples, self.partial = self.path / "samples", self.path / ".partial"
+        self.begun, self.stale = self.path / ".begun", self.path / ".stale"
 
     @property
     def sweep(self) -> Sweep:
@@ -38,41 +48,74 @@ class BatchFolder:
         Raises:
             InputError: it is not the folder of a batch.
         """
+        facts = self._facts()
         try:
-            return Sweep.from_json((self.path / SWEEP).read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise InputError(f"{self.path} is not the folder of a batch: it has no {SWEEP}.") from None
-        except (OSError, ValueError, KeyError) as error:
-            raise InputError(f"{self.path / SWEEP} cannot be read: {error}.") from error
+            return Sweep.from_json(json.dumps(facts))
+        except ValueError:
+            version = f"is of warpcloth {facts['version']}, and this is {__version__}, or it is damaged"
+            raise InputError(f"{self.path / SWEEP} cannot be used: it {version}.") from None
 
-    def claim(self, sweep: Sweep) -> None:
-        """Makes the folder, or finds that it belongs to this very sweep.
+    def _facts(self) -> dict[str, Any]:
+        """What the folder says of its sweep."""
+        if not (self.path / SWEEP).is_file():
+            raise InputError(f"{self.path} is not the folder of a batch: it has no {SWEEP}.")
+        kinds = {"format": int, "version": str, "name": str, "folder": str, "sweep": dict, "scene": dict}
+        try:
+            return read_tables(self.path / SWEEP, kinds)
+        except ValueError as error:
+            raise InputError(f"{self.path / SWEEP} {error}; bring it back, or give another folder.") from None
+
+    def check(self, sweep: Sweep) -> None:
+        """Finds that the folder belongs to this very sweep, or could, and that its samples are sound; writes nothing.
 
         Raises:
-            InputError: it belongs to another sweep, holds something else, or cannot be written to.
+            InputError: it belongs to another sweep, holds something else, is damaged, or cannot be written to.
         """
-        try:
+        with self.writing():
+            there = next(path for path in (self.path, *self.path.parents) if path.exists())
+        if not there.is_dir():
+            raise InputError(f"{there} is a file, so {self.path} cannot be a folder; give another one with -o.")
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise InputError(f"The folder {there} cannot be written to: permission denied.")
+        if (self.path / SWEEP).exists():
+            self._refuse_another(sweep)
+        elif there == self.path and any(not item.name.startswith(OWN) for item in self.path.iterdir()):
+            raise InputError(f"The folder {self.path} is not empty and not of a batch; give another one with -o.")
+        for index in self.finished():
+            self.metrics(index)
+
+    def claim(self, sweep: Sweep) -> None:
+        """Makes the folder, or finds that it belongs to this very sweep; see :meth:`check`."""
+        self.check(sweep)
+        with self.writing():
             self.path.mkdir(parents=True, exist_ok=True)
-            if (self.path / SWEEP).exists():
-                self._refuse_another(sweep)
-            elif any(item.name != LOCK for item in self.path.iterdir()):
-                raise InputError(f"The folder {self.path} is not empty and not of a batch; give another one with -o.")
-            else:
+            if not (self.path / SWEEP).exists():
                 write_whole(self.path / SWEEP, sweep.as_json())
             self.samples.mkdir(exist_ok=True)
             self.partial.mkdir(exist_ok=True)
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator[None]:
+        """Says in a sentence what the file system refuses within the block.
+
+        Raises:
+            InputError: it refuses something.
+        """
+        try:
+            yield
         except OSError as error:
-            raise InputError(f"The folder {self.path} cannot be written to: {error.strerror}.") from error
+            reason = (error.strerror or str(error)).lower()
+            raise InputError(f"The folder {self.path} cannot be written to: {reason}.") from error
 
     def _refuse_another(self, sweep: Sweep) -> None:
-        ours, theirs = (json.loads(text) for text in (sweep.as_json(), (self.path / SWEEP).read_text("utf-8")))
+        ours, theirs = json.loads(sweep.as_json()), self._facts()
         if ours == theirs:
             return
         if ours["version"] != theirs["version"] or ours["format"] != theirs["format"]:
             what = f"was begun by warpcloth {theirs['version']}, and this is {ours['version']}"
         elif ours["name"] != theirs["name"] or ours["folder"] != theirs["folder"]:
             what = f"belongs to another sweep, {theirs['name']}.toml in {theirs['folder']}"
-        elif ours["scene"] != theirs["scene"]:
+        elif ours["scene"] != theirs["scene"] or ours.get("own") != theirs.get("own"):
             what = f"was begun with another state of the scene {ours['sweep']['scene']!r}"
         else:
             keys = ours["sweep"].keys() | theirs["sweep"].keys()
@@ -85,15 +128,16 @@ class BatchFolder:
         """Keeps other batches out for as long as this process lives.
 
         Raises:
-            InputError: another batch is at work in the folder.
+            InputError: another batch is at work in the folder, or it cannot be written to.
         """
         filelock = needed("filelock")
-        self.path.mkdir(parents=True, exist_ok=True)
         lock = filelock.FileLock(self.path / LOCK)
-        try:
-            lock.acquire(timeout=0)
-        except filelock.Timeout:
-            raise InputError(f"Another batch is at work in {self.path}; wait for it, or stop it.") from None
+        with self.writing():
+            self.path.mkdir(parents=True, exist_ok=True)
+            try:
+                lock.acquire(timeout=0)
+            except filelock.Timeout:
+                raise BusyError(f"Another batch is at work in {self.path}; wait for it, or stop it.") from None
         try:
             yield
         finally:
@@ -101,25 +145,34 @@ class BatchFolder:
 
     @property
     def busy(self) -> bool:
-        """Whether a batch is at work in the folder."""
+        """Whether a batch is at work in the folder, as far as somebody who may only read it can tell."""
         try:
             with self.locked():
                 return False
-        except InputError:
-            return True
+        except InputError as error:
+            return isinstance(error, BusyError)
 
     def finished(self) -> list[int]:
         """Numbers of the samples that are complete, failed ones included, in rising order."""
         names = [item.name for item in os.scandir(self.samples)] if self.samples.is_dir() else []
-        return sorted(int(name) for name in names if name.isdigit())
+        return sorted(int(name) for name in names if re.fullmatch(f"[0-9]{{{DIGITS},}}", name))
 
     def place(self, index: int) -> Path:
         """Where the sample goes when it is complete."""
         return self.samples / f"{index:0{DIGITS}d}"
 
     def metrics(self, index: int) -> dict[str, Any]:
-        """What is known of a complete sample."""
-        return json.loads((self.place(index) / METRICS).read_text(encoding="utf-8"))
+        """What is known of a complete sample.
+
+        Raises:
+            InputError: it is damaged.
+        """
+        place = self.place(index)
+        try:
+            return read_tables(place / METRICS, {"status": str, "parameters": dict, "files": dict})
+        except ValueError as error:
+            rule = f"remove the folder {place}, and the batch makes the sample again"
+            raise InputError(f"Sample {index} is damaged: its {METRICS} {error}; {rule}.") from None
 
     def new_partial(self, index: int) -> Path:
         """An empty folder for a sample to grow in."""
@@ -165,9 +218,27 @@ class BatchFolder:
             )
 
 
+def read_tables(path: Path, kinds: Mapping[str, type]) -> dict[str, Any]:
+    """What a JSON file holds, with what it must have at least by name and kind.
+
+    Raises:
+        ValueError: it does not; the message reads on from the name of the file.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"cannot be read ({(error.strerror or str(error)).lower()})") from error
+    except ValueError as error:
+        raise ValueError("is not JSON") from error
+    lacking = [key for key, kind in kinds.items() if not isinstance(data, dict) or not isinstance(data.get(key), kind)]
+    if lacking:
+        raise ValueError(f"has no {lacking[0]!r} in it")
+    return data
+
+
 def write_whole(path: Path, text: str) -> None:
     """A text file that is there with all of its text or not at all."""
-    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    partial = path.with_name(f".{path.name}")
     partial.write_text(text, encoding="utf-8")
     flush(partial)
     os.replace(partial, path)

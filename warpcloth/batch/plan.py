@@ -74,7 +74,7 @@ def make_plan(
     room = GPU_PARTICLES if found.is_cuda else CPU_PARTICLES
     finished = len(folder.finished())
     left = sweep.count - finished
-    workers = workers or ((gpus or 1) if found.is_cuda else cores())
+    workers = max(1, min(left, workers or ((gpus or 1) if found.is_cuda else cores())))
     worlds = worlds or max(1, min(MOST_WORLDS, room // max(1, particles)))
     seconds = _frame_seconds(sweep) * frames * left / workers if estimate else None
     size = _sample_bytes(sweep, particles, frames)

@@ -18,7 +18,8 @@ from .worker import serve
 LOOK = 0.5  # [s] between looks at the workers' memory and time
 GRACE = 30.0  # [s] beyond a sample's own limit before a worker that says nothing is ended
 PATIENCE = 3  # deaths of a worker with one and the same sample alone, after which the sample has failed
-FUTILE = 20  # deaths of workers in a row without a sample finished, after which the batch gives up
+SHARE = 0.9  # of the machine's memory, which all workers together may take
+FUTILE = 20  # deaths of workers in a row that had not begun, after which the batch gives up
 
 
 class Worker:
@@ -39,7 +40,7 @@ class Worker:
         self.gpu = gpu
         self.job: list[int] = []
         self.idle = False  # ready for a job; a new process is not yet
-        self.ended_for = ""  # the sentence if it was ended for a limit
+        self.ended_for: str | None = None  # why, once it was ended: for what limit, or "" where no sample is to blame
         self.heard = time.monotonic()
 
     @property
@@ -58,7 +59,8 @@ class Worker:
 
     def end(self, why: str = "") -> None:
         """Ends the process at once; what it was writing stays in the partial folder."""
-        self.ended_for = self.ended_for or why
+        if self.ended_for is None:
+            self.ended_for = why
         self.process.kill()
 
 
@@ -81,8 +83,8 @@ class LocalPool:
         self.futile = 0
         limits = sweep.table.limits
         self.seconds = limits.seconds
-        total = needed("psutil").virtual_memory().total
-        self.memory = limits.memory_mib * 2**20 if limits.memory_mib is not None else 0.9 * total / workers
+        self.room = SHARE * needed("psutil").virtual_memory().total
+        self.memory = self.room if limits.memory_mib is None else limits.memory_mib * 2**20
 
     def run(self) -> Iterator[Outcome | None]:
         """Yields each outcome as it comes, and None in between, so that the caller can look at the clock.
@@ -140,19 +142,25 @@ class LocalPool:
             worker.job, worker.idle = [], True
 
     def _enforce_limits(self) -> None:
-        for worker in self.workers:
-            if worker.job and worker.memory > self.memory:
+        taken = {worker: worker.memory for worker in self.workers if worker.ended_for is None}
+        for worker in taken:
+            if worker.job and taken[worker] > self.memory:
                 worker.end(f"It needed more than {self.memory / 2**20:,.0f} MiB of memory.")
             elif worker.job and self.seconds is not None and time.monotonic() - worker.heard > self.seconds + GRACE:
                 worker.end(f"It took longer than {self.seconds:g} s.")
+        alive = {worker: memory for worker, memory in taken.items() if worker.ended_for is None}
+        if len(alive) > 1 and sum(alive.values()) > self.room:  # too many for this machine
+            self.wanted = len(alive) - 1
+            max(alive, key=alive.__getitem__).end()
 
     def _bury(self, worker: Worker) -> Iterator[Outcome]:
         """The samples of a worker that died go back to the queue, in smaller groups; one alone fails in the end."""
         self.workers.remove(worker)
         worker.process.join()
-        self.futile += 1
+        if not worker.job and worker.ended_for is None:  # jobs get smaller with each death, so they come to an end
+            self.futile += 1
         if self.futile > FUTILE:
-            raise SimulationError(f"Workers die before they finish anything (exit code {worker.process.exitcode}).")
+            raise SimulationError(f"Workers die before they begin anything (exit code {worker.process.exitcode}).")
         left = []
         for index in worker.job:
             if self.folder.place(index).is_dir():  # it died before it could say so
@@ -163,6 +171,8 @@ class LocalPool:
         if reason:
             fail(self.folder, self.sweep.sample(left[0]), reason)
             yield Outcome(left[0], reason, 0.0)
+        elif worker.ended_for == "":
+            self.queue.postpone(left)
         else:
             self.queue.put_back(left)
 
@@ -170,7 +180,9 @@ class LocalPool:
         """Why the one sample left has failed, if it has."""
         if len(left) != 1:
             return ""
-        self.deaths[left[0]] = self.deaths.get(left[0], 0) + 1
-        if worker.ended_for or self.deaths[left[0]] < PATIENCE:
+        if worker.ended_for is not None:
             return worker.ended_for
+        self.deaths[left[0]] = self.deaths.get(left[0], 0) + 1
+        if self.deaths[left[0]] < PATIENCE:
+            return ""
         return f"The process that simulated it died {PATIENCE} times (exit code {worker.process.exitcode})."

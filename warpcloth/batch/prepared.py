@@ -18,6 +18,8 @@ from ..simulation import MAX_SUBSTEPS
 from ..surface import median_edge
 from .sweep import Sample
 
+IRRELEVANT = {"title", "description", "frames", "air", "obstacle"}  # to automatic substeps
+
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
@@ -40,7 +42,7 @@ class Prepared:
     def companions(self) -> str:
         """Samples in which this is the same can be worlds of one model, and are each what they are alone."""
         scene = self.scene
-        coupled = scene.network is not None or INTEGRATORS[scene.simulation.integrator].couples_worlds
+        coupled = self.built.network is not None or INTEGRATORS[scene.simulation.integrator].couples_worlds
         options = scene.simulation.model_dump(mode="json", exclude={"gravity"})
         thickness = [max((c.fabric.thickness for c in self.built.cloths), default=0.0)]  # contact looks as far as these
         thickness += [max((o.thickness for o in self.built.obstacles), default=0.0)]
@@ -75,7 +77,7 @@ def prepare(sample: Sample) -> Prepared:
     if options.substeps != "auto":
         return Prepared(sample, built)
     if built.network is None:
-        facts = sample.scene.model_dump(mode="json", include={"cloth", "simulation", "fps", "seed"})
+        facts = sample.scene.model_dump(mode="json", exclude=IRRELEVANT)
         if all(table.jitter == 0.0 for table in sample.scene.cloth):
             del facts["seed"]
         substeps = _substeps(json.dumps(facts, sort_keys=True), _Cloths(built.cloths, sample.scene))
@@ -116,7 +118,7 @@ class _Cloths:
 
 @lru_cache(maxsize=256)
 def _substeps(facts: str, cloths: _Cloths) -> int:
-    """Automatic substeps; obstacles have no say in them."""
+    """Automatic substeps of cloths; ``facts`` are all of the scene that has a say in them."""
     return _needed(BuiltScene(cloths.scene, cloths.cloths, [], None))
 
 

@@ -17,21 +17,27 @@ class Queue:
     """
 
     def __init__(self, samples: Iterable[int], worlds: int, workers: int):
-        self._fresh, self._again = deque(samples), deque[list[int]]()
+        self._fresh, self._again, self._last = deque(samples), deque[list[int]](), deque[list[int]]()
         self.worlds, self.workers = worlds, workers
 
     def __len__(self) -> int:
         """Number of samples that wait."""
-        return len(self._fresh) + sum(map(len, self._again))
+        return len(self._fresh) + sum(map(len, (*self._again, *self._last)))
 
     def take(self) -> list[int]:
         """The next job; empty if nothing waits."""
         if self._again:
             return self._again.popleft()
+        if self._last and not self._fresh:
+            return self._last.popleft()
         share = -(-len(self._fresh) // (2 * self.workers))
         return [self._fresh.popleft() for _ in range(min(self.worlds, share))]
 
     def put_back(self, samples: Sequence[int]) -> None:
-        """Samples of a job that was not finished: to be done again in two jobs, as one of them may be the cause."""
+        """Samples of a job that was not finished: to be done next, in two jobs, as one of them may be the cause."""
         middle = (len(samples) + 1) // 2
-        self._again += [list(part) for part in (samples[:middle], samples[middle:]) if part]
+        self._again.extendleft(list(part) for part in (samples[middle:], samples[:middle]) if part)
+
+    def postpone(self, samples: Sequence[int]) -> None:
+        """Samples of a job that had no room beside others: to be done again when nothing else waits."""
+        self._last += [list(samples)] if samples else []

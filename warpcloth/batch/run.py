@@ -1,6 +1,7 @@
 """A batch from beginning to end, and what can be said of one at any time."""
 
 import contextlib
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import MissingExtraError
+from ..scenes.interrupt import stop_on_interrupt
 from .assembly import write_assembly
 from .cluster import Cluster, ClusterPool
 from .extra import needed
@@ -20,7 +22,7 @@ from .queue import Queue
 from .sheet import write_sheet
 from .sweep import Sweep
 
-RECENT = 64  # samples over which the rate is taken
+INDEXING = ".index.lock"
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class Status:
     Attributes:
         folder: of the batch. samples: number of all. done, failed: of those that are complete.
         running: whether a batch is at work in the folder.
-        samples_per_minute: lately; None if fewer than two are complete.
+        samples_per_minute: in the run that is at work, or was last; None before its first sample.
         seconds_left: at that rate; None if it is not known.
         reasons: why samples failed, and how many each.
     """
@@ -74,39 +76,51 @@ def run_batch(
         SimulationError: the batch as a whole cannot go on. What is complete stays.
     """
     folder = BatchFolder(path)
+    folder.check(sweep)
     with folder.locked(), contextlib.ExitStack() as exits:
         folder.claim(sweep)
-        folder.sweep_up()
         if "preview" in sweep.table.outputs:
             needed("pyvista", "render")  # before any work
-        if retry_failed:
-            folder.forget_failed()
         cluster = None
         if ray is not None:
             cluster = Cluster(ray)
             exits.callback(cluster.close)
             workers = workers or max(1, cluster.processors)
-        plan = make_plan(sweep, folder, workers, worlds)
-        folder.check_space(plan.bytes)
+        with folder.writing():
+            folder.sweep_up()
+            if retry_failed:
+                folder.forget_failed()
+            plan = make_plan(sweep, folder, workers, worlds)
+            folder.check_space(plan.bytes)
+            if plan.left:
+                folder.begun.touch()
+                folder.stale.touch()
         try:
             for outcome in _outcomes(sweep, folder, plan, cluster):
                 if on_progress is not None:
                     on_progress(plan, outcome)
         finally:
             folder.sweep_up()
-            if plan.left or not (folder.path / PARQUET).exists():
-                index_batch(folder)
+            if folder.stale.exists() or not (folder.path / PARQUET).exists():
+                with stop_on_interrupt() as request:
+                    request.waits = True  # for all of the index, whoever presses Ctrl-C once more
+                    index_batch(folder)
+                folder.stale.unlink(missing_ok=True)
         return status_of(folder, running=False)
 
 
 def index_batch(folder: BatchFolder) -> list[Path]:
     """Writes the manifest, the assembly and the picture anew from the folders of the samples; returns what it wrote.
 
-    There is no picture where pyvista is not installed.
+    There is no picture where pyvista is not installed. One that is at it already is waited for.
+
+    Raises:
+        InputError: a sample is damaged, or the folder cannot be written to.
     """
-    files = [*write_manifest(folder), write_assembly(folder)]
-    with contextlib.suppress(MissingExtraError):
-        files.append(write_sheet(folder))
+    with folder.writing(), needed("filelock").FileLock(folder.path / INDEXING):
+        files = [*write_manifest(folder), write_assembly(folder)]
+        with contextlib.suppress(MissingExtraError):
+            files.append(write_sheet(folder))
     return [file for file in files if file is not None]
 
 
@@ -114,19 +128,20 @@ def status_of(folder: BatchFolder, running: bool | None = None) -> Status:
     """How far the batch in a folder is.
 
     Raises:
-        InputError: it is not the folder of a batch.
+        InputError: it is not the folder of a batch, or a sample is damaged.
     """
     count = folder.sweep.count
     finished = folder.finished()
-    reasons = Counter(facts["reason"] for i in finished if (facts := folder.metrics(i))["status"] == "failed")
-    rate = _rate(folder, finished)
+    reasons = Counter(str(facts.get("reason")) for i in finished if (facts := folder.metrics(i))["status"] == "failed")
+    running = folder.busy if running is None else running
+    rate = _rate(folder, finished, running)
     left = count - len(finished)
     return Status(
         folder=folder.path,
         samples=count,
         done=len(finished) - reasons.total(),
         failed=reasons.total(),
-        running=folder.busy if running is None else running,
+        running=running,
         samples_per_minute=None if rate is None else 60.0 * rate,
         seconds_left=0.0 if left == 0 else None if rate is None else left / rate,
         reasons=dict(reasons.most_common()),
@@ -143,9 +158,11 @@ def _outcomes(sweep: Sweep, folder: BatchFolder, plan: Plan, cluster: Cluster | 
         yield from LocalPool(sweep, folder, queue, plan.workers, plan.gpus).run()
 
 
-def _rate(folder: BatchFolder, finished: list[int]) -> float | None:
-    """Samples per second, by the times at which the latest ones came into place."""
-    times = sorted(folder.place(index).stat().st_mtime for index in finished)[-RECENT:]
-    if len(times) < 2 or times[-1] <= times[0]:
+def _rate(folder: BatchFolder, finished: list[int], running: bool) -> float | None:
+    """Samples per second since the latest run began; worlds that end together say nothing about each other."""
+    if not folder.begun.exists():
         return None
-    return (len(times) - 1) / max(times[-1] - times[0], 1e-9)
+    begun = folder.begun.stat().st_mtime
+    times = [moment for index in finished if (moment := folder.place(index).stat().st_mtime) >= begun]
+    seconds = (time.time() if running else max(times, default=begun)) - begun
+    return len(times) / seconds if times and seconds > 0.0 else None

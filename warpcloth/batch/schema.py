@@ -1,5 +1,6 @@
 """The schema of sweep files."""
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
@@ -7,6 +8,7 @@ from pydantic import Field, model_validator
 from ..scenes.schema.table import Choice, Table, choice, field
 from ..scenes.schema.values import Number, Rows, Text, Vector, positive, refuse
 
+MOST_SAMPLES = 10_000_000
 ANY = Number("", -1e12, 1e12)
 SHARE = positive("", 1e12)
 Bounds = Vector("low high", ANY)
@@ -37,15 +39,19 @@ class ParameterTable(Choice):
     weights: Annotated[tuple[float, ...], Rows(SHARE)] | None = field(
         None, "How often each of `values` comes, relative to others."
     )
-    whole: bool = field(False, "Whether to round to whole numbers.")
+    whole: bool = field(False, "Whether to round what is drawn, or a range, to whole numbers.")
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
+        wrong = next((i for i, value in enumerate(self.values or ()) if not _is_finite(value)), None)
+        if wrong is not None:
+            raise refuse(f"must have only finite numbers among its values, and item {wrong} is not")
         bounds = self.uniform or self.log_uniform
         if bounds is not None and not bounds[0] < bounds[1]:
             raise refuse(f"must have a lower bound below the upper one, not [{bounds[0]:g}, {bounds[1]:g}]")
-        if self.range is not None and not (self.range[2] >= 1 and float(self.range[2]).is_integer()):
-            raise refuse(f"must have a whole number of values in its range, at least 1, not {self.range[2]:g}")
+        if self.range is not None and not (1 <= self.range[2] <= MOST_SAMPLES and self.range[2].is_integer()):
+            most = f"from 1 to {MOST_SAMPLES:,}, not {self.range[2]:g}"
+            raise refuse(f"must have a whole number of values in its range, {most}")
         if self.normal is not None and self.normal[1] < 0.0:
             raise refuse(f"must have a standard deviation of 0 or more, not {self.normal[1]:g}")
         if self.weights is not None and len(self.weights) != len(self.values or ()):
@@ -53,12 +59,19 @@ class ParameterTable(Choice):
         return self
 
 
+def _is_finite(value: Any) -> bool:
+    """Whether a TOML value is, or holds, no number that JSON does not have."""
+    if isinstance(value, dict | list):
+        return all(map(_is_finite, value.values() if isinstance(value, dict) else value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
 class LimitsTable(Table):
     """What a single sample may take; one that takes more fails, and the others go on."""
 
     seconds: Annotated[float, positive("s", 1e7)] | None = field(None, "Wall time.")
     memory_mib: Annotated[float, positive("MiB", 1e9)] | None = field(
-        None, "Memory of the process that simulates it; by default the machine's, divided among the workers."
+        None, "Memory of the process that simulates it; by default all but a tenth of the machine's."
     )
 
 
@@ -69,7 +82,7 @@ class SweepTable(Table):
     scene: Annotated[str, Text("", "the name of a bundled scene or the path of a scene file", 4096)] = field(
         ..., "Bundled scene, or scene file relative to the sweep file."
     )
-    count: Annotated[int, Number("", 1, 10_000_000, whole=True)] | None = field(
+    count: Annotated[int, Number("", 1, MOST_SAMPLES, whole=True)] | None = field(
         None, "Number of samples; by default once each combination of a grid."
     )
     design: Literal["random", "sobol", "latin_hypercube", "grid"] = field(

@@ -1,5 +1,6 @@
 """A picture of a batch: its drapes in rows, drawn together in one go."""
 
+import contextlib
 import math
 from pathlib import Path
 from typing import Any
@@ -40,15 +41,14 @@ def write_sheet(folder: BatchFolder) -> Path | None:
     rows = math.ceil(len(tiles) / columns)
     depth = math.sin(math.radians(ELEVATION))
     size = (max(600, PIXELS * columns), max(400, int(PIXELS * (rows + 0.5) * depth)))
-    plotter = pyvista.Plotter(off_screen=True, window_size=size, lighting="light kit")
-    plotter.set_background("#f4f2ee")
-    plotter.enable_anti_aliasing("ssaa")
     step = GAP * max(tile.width for tile in tiles)
-    for number, tile in enumerate(tiles):
-        tile.draw(plotter, pyvista, np.array([step * (number % columns), -step * (number // columns), 0.0]), step)
-    _look(plotter, step, columns, rows, size)
-    image = plotter.screenshot(return_img=True)
-    plotter.close()
+    with contextlib.closing(pyvista.Plotter(off_screen=True, window_size=size, lighting="light kit")) as plotter:
+        plotter.set_background("#f4f2ee")
+        plotter.enable_anti_aliasing("ssaa")
+        for number, tile in enumerate(tiles):
+            tile.draw(plotter, pyvista, np.array([step * (number % columns), -step * (number // columns), 0.0]), step)
+        _look(plotter, step, columns, rows, size)
+        image = plotter.screenshot(return_img=True)
     write_still(folder.path / SHEET, np.ascontiguousarray(image[..., :3]))
     return folder.path / SHEET
 

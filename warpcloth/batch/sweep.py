@@ -2,8 +2,9 @@
 
 import copy
 import hashlib
+import itertools
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,10 +16,10 @@ from pydantic import ValidationError
 from .. import __version__
 from ..errors import SceneError
 from ..scenes import Scene, load_scene
-from ..scenes.load import bundled_scenes, parse_toml, read_text, scene_from_data
+from ..scenes.load import STAGES, bundled_scenes, find_scene, parse_toml, read_text, scene_from_data
 from ..scenes.overrides import apply_overrides, assign
 from ..scenes.schema import explain, suggest
-from .draws import coordinates, grid_coordinates, value_at
+from .draws import coordinates, grid_coordinates, quantile
 from .schema import ParameterTable, SweepTable
 
 FORMAT = 1  # of the frozen sweep; another one means that samples would differ
@@ -48,12 +49,14 @@ class Sweep:
         table: what the file says, with patterns of files replaced by the files.
         base: the scene's tables, complete and with absolute mesh paths.
         folder: of the sweep file, where relative mesh paths among the values start from.
+        own: what the scene's file itself says, where samples differ in the stage that says the rest; else None.
     """
 
     name: str
     table: SweepTable
     base: dict[str, Any]
     folder: Path
+    own: dict[str, Any] | None = None
 
     @cached_property
     def coordinates(self) -> np.ndarray:
@@ -62,6 +65,11 @@ class Sweep:
         if table.design == "grid":
             return grid_coordinates(table.parameter, table.count, table.seed)
         return coordinates(table.design, table.count or 0, len(table.parameter), table.seed)
+
+    @cached_property
+    def quantiles(self) -> dict[str, Callable[[float], Any]]:
+        """Of each parameter by its path: the value at a coordinate."""
+        return {parameter.path: quantile(parameter) for parameter in self.table.parameter}
 
     @property
     def count(self) -> int:
@@ -74,19 +82,29 @@ class Sweep:
         Raises:
             SceneError: its parameters do not make a scene.
         """
-        pairs = zip(self.table.parameter, self.coordinates[index], strict=True)
-        parameters = {parameter.path: value_at(parameter, float(u)) for parameter, u in pairs}
-        data = copy.deepcopy(self.base)
-        data["seed"] = int(np.random.SeedSequence([self.table.seed, index]).generate_state(1)[0])
+        pairs = zip(self.quantiles.items(), self.coordinates[index], strict=True)
+        parameters = {path: value_at(float(u)) for (path, value_at), u in pairs}
         try:
+            data = self._tables(parameters)
+            data["seed"] = int(np.random.SeedSequence([self.table.seed, index]).generate_state(1)[0])
             for path, value in parameters.items():
                 assign(data, path, copy.deepcopy(value))
                 if isinstance(value, dict):  # a whole table: complete it, for later parameters to change
-                    data = _complete(scene_from_data(data))
+                    data = _complete(scene_from_data(_absolute(data, self.folder)))
             scene = scene_from_data(_absolute(data, self.folder), name="scene", folder=Path("/"))
         except SceneError as error:
             raise SceneError(f"sample {index}: {error}") from None
         return Sample(index, parameters, scene)
+
+    def _tables(self, parameters: dict[str, Any]) -> dict[str, Any]:
+        """The scene's tables before parameters change them: of the stage that these choose, if they do."""
+        if self.own is None:
+            return copy.deepcopy(self.base)
+        data = copy.deepcopy(self.own)
+        for path, value in parameters.items():
+            if path.partition(".")[0] == "stage":
+                assign(data, path, copy.deepcopy(value))
+        return _complete(scene_from_data(_absolute(data, self.folder)))
 
     def check(self) -> None:
         """Makes every sample once.
@@ -101,6 +119,7 @@ class Sweep:
         """All of it as text, the same whenever the sweep is the same."""
         facts = {"format": FORMAT, "version": __version__, "name": self.name, "folder": str(self.folder)}
         facts |= {"sweep": self.table.model_dump(mode="json", exclude_none=True), "scene": self.base}
+        facts |= {} if self.own is None else {"own": self.own}
         return json.dumps(facts, sort_keys=True, indent=1, ensure_ascii=False)
 
     @staticmethod
@@ -108,7 +127,7 @@ class Sweep:
         """The sweep that :meth:`as_json` wrote."""
         facts = json.loads(text)
         table = SweepTable.model_validate(facts["sweep"])
-        return Sweep(facts["name"], table, facts["scene"], Path(facts["folder"]))
+        return Sweep(facts["name"], table, facts["scene"], Path(facts["folder"]), facts.get("own"))
 
     @property
     def identity(self) -> str:
@@ -135,15 +154,25 @@ def load_sweep(path: str | Path, overrides: Iterable[str] = ()) -> Sweep:
         apply_overrides(data, overrides)
         table = SweepTable.model_validate(data)
         name = table.scene if table.scene in bundled_scenes() else str(file.parent / Path(table.scene).expanduser())
-        scene = load_scene(name)
+        scene, own = load_scene(name), _own_tables(name, table)
         parameters = [_with_files(parameter, file.parent) for parameter in table.parameter]
     except ValidationError as error:
         raise SceneError(f"{file.name}: {explain(error, 'the sweep')}") from None
     except SceneError as error:
         raise SceneError(f"{file.name}: {error}") from None
     table = table.model_copy(update={"parameter": parameters})
-    sweep = Sweep(file.stem, table, _absolute(_complete(scene), scene.folder.absolute()), file.parent)
+    place = scene.folder.absolute()
+    base, own = _absolute(_complete(scene), place), None if own is None else _absolute(own, place)
+    sweep = Sweep(file.stem, table, base, file.parent, own)
     return Sweep.from_json(sweep.as_json())  # as whoever goes on with it will read it
+
+
+def _own_tables(scene: str, table: SweepTable) -> dict[str, Any] | None:
+    """What a scene's file says by itself, if the sweep has a parameter for its stage."""
+    if not any(parameter.path in ("stage", "stage.path") for parameter in table.parameter):
+        return None
+    path = find_scene(scene)
+    return {"stage": {"path": path.name}} if path.suffix in STAGES else parse_toml(read_text(path))
 
 
 def _with_files(parameter: ParameterTable, folder: Path) -> ParameterTable:
@@ -165,7 +194,8 @@ def _complete(scene: Scene) -> dict[str, Any]:
 
 def _absolute(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The same tables, with paths of meshes and stages that no longer depend on a folder."""
-    for table in (*data.get("cloth", ()), *data.get("obstacle", ()), data.get("stage")):
+    lists = [tables for tables in (data.get("cloth"), data.get("obstacle")) if isinstance(tables, list)]
+    for table in (*itertools.chain(*lists), data.get("stage")):
         path = table.get("path") if isinstance(table, dict) else None
         if isinstance(path, str) and not path.startswith("warp:"):
             table["path"] = str(folder / Path(path).expanduser())

@@ -9,7 +9,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from .. import validate
-from ..errors import InputError
+from ..errors import InputError, SimulationError
 from .report import INTERRUPTED, Report
 from .terminal import messages, start_warp
 
@@ -36,7 +36,9 @@ Worlds = Annotated[
 ]
 Ray = Annotated[str | None, typer.Option("--ray", metavar="ADDRESS", help="Run on a Ray cluster, e.g. auto.")]
 Retry = Annotated[bool, typer.Option("--retry-failed", help="Try again what failed before.")]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Check everything, print the plan and what it will cost.")]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Check sweep and folder, print the plan and what it will cost.")
+]
 
 
 def command(
@@ -50,7 +52,10 @@ def command(
     retry_failed: Retry = False,
     dry_run: DryRun = False,
 ) -> Report:
-    """Simulate a SWEEP of one scene: many samples into one folder. The same command again resumes it."""
+    """Simulate a SWEEP of one scene: many samples into one folder. The same command again resumes it.
+
+    The exit code is 0 if all samples of the sweep are done, 3 if any failed; the others are done all the same.
+    """
     if what in QUESTIONS:
         return _answer(what, folder or output)
     if folder is not None:
@@ -73,10 +78,10 @@ def _run(sweep: "Sweep", path: Path, options: dict[str, Any]) -> Report:
     from ..batch.folder import BatchFolder
     from ..batch.run import run_batch, status_of
 
-    code = 0
     try:
         with _progress(sweep.name) as on_progress:
             status = run_batch(sweep, path, on_progress=on_progress, **options)
+        code = SimulationError.exit_code if status.failed else 0
     except KeyboardInterrupt:
         if not (BatchFolder(path).path / "sweep.json").exists():
             raise
@@ -101,7 +106,9 @@ def _plan(sweep: "Sweep", path: Path, workers: int | None, worlds: int | None) -
     from ..batch.folder import BatchFolder
     from ..batch.plan import make_plan
 
-    plan = make_plan(sweep, BatchFolder(path), workers, worlds, estimate=True)
+    folder = BatchFolder(path)
+    folder.check(sweep)
+    plan = make_plan(sweep, folder, workers, worlds, estimate=True)
     seconds = plan.seconds or 0.0
     lines = [
         f"{sweep.name}: {plan.samples:,} samples of {plan.particles:,} particles, at most {plan.frames:,} frames each",
@@ -118,8 +125,8 @@ def _plan(sweep: "Sweep", path: Path, workers: int | None, worlds: int | None) -
 def _progress(name: str) -> Iterator[Callable[[Any, Any], None]]:
     """A bar on stderr; yields what to call twice a second, and with each outcome."""
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"),
-        TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"), TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
     console = messages()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
@@ -145,7 +152,7 @@ def _summary(status: "Status") -> str:
     if status.running:
         lines.append("a batch is at work in it")
     if status.samples_per_minute is not None:
-        lines.append(f"{status.samples_per_minute:.1f} samples a minute lately")
+        lines.append(f"{status.samples_per_minute:.1f} samples a minute")
     if status.seconds_left:
         lines.append(f"{duration(status.seconds_left)} left at that rate")
     reasons = list(status.reasons.items())

@@ -43,7 +43,7 @@ def bench_contact(
 
         report(cases[0].scene.name)
         results = run_cases(cases, seconds, kept, on_case)
-    messages().print(f"Wrote {path}", markup=False)
+    messages().print(f"Wrote {path}")
     failed = any(row["failures"] for row in results["rows"])
     return Report({**results, "files": [path]}, tables(results), 3 if failed else 0)
 

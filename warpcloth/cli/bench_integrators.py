@@ -37,7 +37,7 @@ def bench_integrators(
     path.write_text(to_json(results) + "\n", encoding="utf-8")
     plots = [] if no_plots else write_plots(results, folder)
     files = [path, *plots]
-    messages().print(f"Wrote {', '.join(str(file) for file in files)}", markup=False)
+    messages().print(f"Wrote {', '.join(str(file) for file in files)}")
     return Report({**results, "files": files}, tables(results))
 
 

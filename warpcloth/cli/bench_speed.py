@@ -29,5 +29,5 @@ def bench_speed(
     if before is not None:
         results["comparison"] = comparison(results, before)
     path.write_text(to_json(results) + "\n", encoding="utf-8")
-    messages().print(f"Wrote {path}", markup=False)
+    messages().print(f"Wrote {path}")
     return Report({**results, "files": [path]}, tables(results), 3 if results["failures"] else 0)

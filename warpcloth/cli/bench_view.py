@@ -30,5 +30,5 @@ def bench_view(scene: str | None, resolution: str | None, budget: float | None, 
     with progress_bar(3) as report:
         results = run_view(loaded, seconds, report)
     path.write_text(to_json(results) + "\n", encoding="utf-8")
-    messages().print(f"Wrote {path}", markup=False)
+    messages().print(f"Wrote {path}")
     return Report({**results, "files": [path]}, table(results))

@@ -28,7 +28,7 @@ def bench_worlds(
     with progress_bar(len(todo)) as report:
         results = run_cases(todo, seconds, report)
     path.write_text(to_json(results) + "\n", encoding="utf-8")
-    messages().print(f"Wrote {path}", markup=False)
+    messages().print(f"Wrote {path}")
     failed = not all(row["finite"] for row in results["rows"])
     return Report({**results, "files": [path]}, _table(results["rows"]), 3 if failed else 0)
 

@@ -9,7 +9,6 @@ import typer
 from rich.console import Group
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
-from rich.text import Text
 
 from .. import validate
 from .bench_options import output_folder
@@ -62,7 +61,7 @@ def command(
     if test != "report":
         return Report(data[0], _text(results[0][0]))
     page = write_page(results, folder)
-    messages().print(f"Wrote {page}", markup=False)
+    messages().print(f"Wrote {page}")
     return Report({"tests": data, "page": page}, Group(*(_text(result) for result, _ in results)))
 
 
@@ -76,7 +75,7 @@ def _run(name: str, setup: "Setup", folder: Path, pictures: bool) -> tuple["Resu
     path = folder / f"{name}.json"
     path.write_text(to_json(result.as_dict()) + "\n", encoding="utf-8")
     files = [path, *(write_plot(result, folder) if pictures else [])]
-    messages().print(f"Wrote {', '.join(str(file) for file in files)}", markup=False)
+    messages().print(f"Wrote {', '.join(str(file) for file in files)}")
     return result, files
 
 
@@ -88,8 +87,7 @@ def _text(result: "Result") -> Group:
         table.add_column(column, justify="right")
     for row in result.rows:
         table.add_row(*(cell_text(value) for value in row))
-    lines = [Text(_sentence(check)) for check in result.checks]  # not a string: "[mm]" would be markup
-    return Group(table, *lines)
+    return Group(table, *(_sentence(check) for check in result.checks))
 
 
 def _sentence(check: Any) -> str:

@@ -56,7 +56,7 @@ def _fail(arguments: Sequence[str], sentence: str, exit_code: int) -> int:
         traceback.print_exc()
     sentence = " ".join(sentence.split())
     sentence = sentence if sentence.endswith((".", "?")) else f"{sentence}."
-    messages().print(f"warpcloth: {sentence}", markup=False)
+    messages().print(f"warpcloth: {sentence}")
     if "--json" in arguments:
         print(to_json({"error": sentence, "exit_code": exit_code}))
     return exit_code

@@ -87,7 +87,8 @@ def parse_size(text: str) -> tuple[int, int]:
 def picture_bar(name: str) -> Iterator[Any]:
     """A bar on stderr; yields what to call after each picture."""
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TimeRemainingColumn(),
     )  # fmt: skip
     console = messages()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
+
+from .terminal import plain_console
 
 INTERRUPTED = 130  # the shells' convention for Ctrl-C
 TABLE_WIDTH = 120  # columns where no terminal says how many there are
@@ -35,10 +37,10 @@ def print_report(report: Report, stream: TextIO, *, as_json: bool) -> None:
         stream.write(to_json(report.data) + "\n")
     else:
         # In a pipe there is no width to wrap sentences at; tables have their own, and room for it.
-        console = Console(file=stream)
+        console = plain_console(file=stream)
         if not console.is_terminal:
             console.width = max(console.width, TABLE_WIDTH)
-        console.print(report.text, soft_wrap=isinstance(report.text, str), highlight=False)
+        console.print(report.text, soft_wrap=isinstance(report.text, str))
     stream.flush()
 
 

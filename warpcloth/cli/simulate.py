@@ -111,7 +111,8 @@ def _film(cache: Path) -> Path:
 def progress_bar(name: str) -> Iterator[Any]:
     """A bar on stderr; yields what to call after each frame."""
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TimeRemainingColumn(),
     )  # fmt: skip
     console = messages()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

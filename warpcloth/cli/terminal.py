@@ -5,7 +5,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator
-from typing import TextIO
+from typing import Any, TextIO
 
 from rich.console import Console
 
@@ -16,7 +16,12 @@ OURS = (ContactWarning, ConvergenceWarning, FabricWarning, StabilityWarning)
 
 def messages() -> Console:
     """Console on stderr, for progress and remarks."""
-    return Console(stderr=True, soft_wrap=True, highlight=False)
+    return plain_console(stderr=True, soft_wrap=True)
+
+
+def plain_console(**options: Any) -> Console:
+    """Console that writes text as it is: brackets and colons in a path are no markup and no emoji."""
+    return Console(markup=False, emoji=False, highlight=False, **options)
 
 
 @contextlib.contextmanager
@@ -46,7 +51,7 @@ def warnings_as_lines() -> Iterator[None]:
     ) -> None:
         if issubclass(category, OURS):
             if str(message) not in shown:
-                messages().print(f"warpcloth: {message}", markup=False)
+                messages().print(f"warpcloth: {message}")
             shown.add(str(message))
         else:
             usual(message, category, filename, lineno, file, line)

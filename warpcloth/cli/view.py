@@ -95,7 +95,7 @@ def _play(cache: str, host: str, port: int) -> Report:
 
 def _wait(name: str, page: "Page | PlaybackPage") -> None:
     """Until Ctrl-C."""
-    messages().print(f"{name} is at {page.url} until Ctrl-C.", markup=False)
+    messages().print(f"{name} is at {page.url} until Ctrl-C.")
     try:
         threading.Event().wait()
     except KeyboardInterrupt:
@@ -115,8 +115,7 @@ def check_host(host: str, public: bool) -> None:
     if not public:
         raise InputError(f"{host} can be reached from other machines; add --public if that is what you want.")
     messages().print(
-        f"warpcloth: whoever reaches {host} sees this page, can stop the simulation and write recordings here.",
-        markup=False,
+        f"warpcloth: whoever reaches {host} sees this page, can stop the simulation and write recordings here."
     )
 
 
