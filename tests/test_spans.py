@@ -108,7 +108,7 @@ def test_slack_rows_are_left_alone():
 
 
 def test_spans_take_over_new_properties_of_springs():
-    """As :meth:`Xpbd.read_springs` promises: what comes of them is what a new model does, to the last bit."""
+    """As :meth:`Xpbd.prepare` promises: what comes of them is what a new model does, to the last bit."""
     model = wc.Model.from_springs(**chain(20, 0.1))
     sim = wc.Simulation(model, "xpbd", (0, 0, 0), substeps=1)
     for name, times in (("spring_rest_length", 0.9), ("spring_stiffness", 3.0), ("spring_damping", 2.0)):

@@ -18,7 +18,7 @@ from ..simulation import MAX_SUBSTEPS
 from ..surface import median_edge
 from .sweep import Sample
 
-IRRELEVANT = {"title", "description", "frames", "air", "obstacle"}  # to automatic substeps
+IRRELEVANT = {"title", "description", "frames", "obstacle"}  # to automatic substeps
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ def _needed(built: BuiltScene) -> int:
     model = make_model([built])
     integrator = make_integrator(options.integrator, model, options.integrator_options)
     dt = 1.0 / built.scene.fps
-    stable = stability.substeps_for(model, integrator, dt, MAX_SUBSTEPS)
+    stable = stability.substeps_for(model, integrator, dt, MAX_SUBSTEPS, [built.scene.air.build(built.scene.seed)])
     ways = 0 if options.contact == "none" else travels(travel_step(model), dt)
     return min(MAX_SUBSTEPS, max(stable, math.ceil(integrator.steps_per_travel * ways)))
 
