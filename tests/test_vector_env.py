@@ -154,3 +154,14 @@ def test_worlds_that_do_not_match_are_refused():
         env(handles=[[25]])
     with pytest.raises(InputError, match="Worlds must be a whole number from 1 to 1000000, got 0"):
         env(0)
+
+
+def test_looking_after_replays_does_not_turn_back_time():
+    e = env(2, check=True)
+    for mask in ([True, False], [False, True]):
+        e.step(actions(2))
+        e.reset(np.array(mask))
+    e.step(actions(2))
+    before = e.simulation.time
+    e.simulation.verify()
+    assert e.simulation.time == before == pytest.approx(3.0 / 60.0)

@@ -188,7 +188,8 @@ class Simulation:
             self._lookout.rest_since[mask.numpy()] = np.inf
 
     def verify(self) -> None:
-        """Call it now and then while you replay frames from a graph of your own; it brings ``time`` up to date.
+        """Call it now and then while you replay frames from a graph of your own; it brings ``time`` up to date, by the
+        clock of the world that has gone on longest since its reset.
 
         Raises:
             SimulationError: contact needed more memory than it had, so pairs were missed.
@@ -197,7 +198,7 @@ class Simulation:
         if self.contact.grow():
             self._frames.forget()
             raise missed_pairs()
-        self.time = float(self.state.world_time.numpy().max())
+        self.time = max(self.time, float(self.state.world_time.numpy().max()))
 
     def substep(self, dt: float) -> None:
         """One step of the integrator, dt [s], without what :meth:`step` does for whole frames: no automatic substeps,
