@@ -162,7 +162,8 @@ def test_an_early_interruption_is_an_object_too(folder, capfd, monkeypatch):
 def test_ctrl_c_in_a_terminal_leaves_a_valid_file_and_a_report(folder):
     command = [sys.executable, "-m", "warpcloth", "simulate", "napkin.toml", "--frames", "1000000", "--json"]
     process = subprocess.Popen([*command, "--device", "cpu"], cwd=folder, stdout=subprocess.PIPE, text=True)
-    while process.poll() is None and not any(path.stat().st_size > 400_000 for path in folder.glob("*.partial.usdc")):
+    saved = range(400_000, 2**24)  # bytes of many frames; while it is saved, a file of one has 16 MiB, too
+    while process.poll() is None and not any(path.stat().st_size in saved for path in folder.glob("*.partial.usdc")):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     result = json.loads(process.communicate()[0])
