@@ -4,6 +4,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from PIL import Image
+from pxr import Usd, UsdGeom
 from warpcloth.scenes import scene_from_toml, simulate
 from warpcloth.scenes.usd.playback import Playback
 
@@ -222,6 +223,24 @@ def test_a_still_shows_red_cloth_and_its_shadow(cache, tmp_path):
     floor = picture.sum(axis=2)
     backdrop = np.median(floor[2:20])
     assert ((np.ptp(picture, axis=2) < 25) & (floor < 0.75 * backdrop)).mean() > 0.02  # grey and dark: shadow
+
+
+def test_time_codes_are_not_frames(tmp_path):
+    """A stage of 240 time codes and 24 frames a second, as some programs write them, plays at 24."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "dense.usda"))
+    stage.SetTimeCodesPerSecond(240.0)
+    stage.SetFramesPerSecond(24.0)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    cloth = UsdGeom.Mesh.Define(stage, "/cloth")
+    cloth.CreateFaceVertexCountsAttr([3])
+    cloth.CreateFaceVertexIndicesAttr([0, 1, 2])
+    for code in (0, 10, 20):
+        cloth.CreatePointsAttr().Set([(0, 0, 0.01 * code), (1, 0, 0), (0, 1, 0)], code)
+    stage.Save()
+    playback = Playback(tmp_path / "dense.usda")
+    assert (playback.frames, playback.fps, playback.time(2)) == (3, 24.0, pytest.approx(2 / 24))
+    film = render(tmp_path / "dense.usda", tmp_path / "dense.gif", size=SMALL)
+    assert (film.pictures, film.fps) == (3, 24.0)
 
 
 def test_a_film_and_a_turntable_and_a_sheet(cache, tmp_path):

@@ -14,7 +14,7 @@ from .check import simulated_prims
 from .faces import mesh_triangles
 from .failures import as_usd_error, quietly
 from .obstacle_reader import read_obstacles
-from .opening import open_stage, world_matrix
+from .opening import frame_rate, open_stage, world_matrix
 from .roles import NETWORK_ROLE, SPRINGS_ROLE, name_of, numbers, role_of
 from .samples import as_vectors
 
@@ -71,7 +71,7 @@ class Playback:
     Attributes:
         cloths, networks, obstacles: what is in it; lengths in metres, Z up.
         codes: time codes of the frames, in order.
-        fps: frames per second.
+        fps: frames per second; there may be more time codes.
     """
 
     def __init__(self, path: str | os.PathLike):
@@ -84,7 +84,7 @@ class Playback:
             self.codes = sorted(
                 {code for prim in prims for code in UsdGeom.PointBased(prim).GetPointsAttr().GetTimeSamples()}
             )
-            self.fps = self.stage.GetTimeCodesPerSecond()
+            self.fps, self._rate = frame_rate(self.stage), self.stage.GetTimeCodesPerSecond()
             self.obstacles: list[Obstacle] = read_obstacles(self.stage)
             self.cloths = [_cloth(prim) for prim in prims if prim.IsA(UsdGeom.Mesh)]
             self.networks = _networks(prims)
@@ -96,7 +96,7 @@ class Playback:
 
     def time(self, frame: int) -> float:
         """Time of a frame [s]."""
-        return self.codes[frame] / self.fps
+        return self.codes[frame] / self._rate
 
     def points(self, item: PlayedCloth | PlayedNetwork, frame: int) -> np.ndarray:
         """Positions of a cloth's vertices or a network's balls [m], shape [n, 3]."""

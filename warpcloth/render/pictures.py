@@ -132,10 +132,9 @@ class _Renderer:
         if turntable:
             count = round(TURNTABLE_SECONDS * rate)
             return count, rate, self._around(frame, count)
-        seconds = self.playback.time(self.playback.frames - 1) - self.playback.time(0)
-        count = max(1, round(seconds * rate) + 1)
-        times = self.playback.time(0) + np.arange(count) / rate
-        frames = np.abs(np.array(self.playback.codes)[:, None] / self.playback.fps - times).argmin(axis=0)
+        own = np.array([self.playback.time(frame) for frame in range(self.playback.frames)])
+        count = max(1, round((own[-1] - own[0]) * rate) + 1)
+        frames = np.abs(own[:, None] - (own[0] + np.arange(count) / rate)).argmin(axis=0)
         camera = make_camera(self.camera, self.shot.framing(), self.size)
         return count, rate, (self._finished(int(frame), camera) for frame in frames)
 
