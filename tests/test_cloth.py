@@ -8,6 +8,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
+from warpcloth import Model, Simulation
 from warpcloth.cloth import BEND, SHEAR, STRUCTURAL, Cloth
 from warpcloth.errors import MeshError
 from warpcloth.fabric import Fabric
@@ -209,3 +210,23 @@ def test_neighbours_are_made_to_face_the_same_way():
     np.testing.assert_array_equal(cloth.triangles[1::3], grid.triangles[1::3])
     corners = cloth.points[cloth.triangles]
     assert np.all(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] > 0.0)
+
+
+@pytest.mark.parametrize("kind", ["woven", "fitted"])
+@pytest.mark.parametrize(("axis", "mirrored"), [((0, 0, 1), False), ((0, 1, 0), False), ((1, 2, 3), True)])
+def test_the_warp_of_a_mesh_turns_with_it(kind, axis, mirrored):
+    """It runs along x of the mesh as it was before: turned, mirrored and stretched, it is as stiff along that."""
+    fabric = Fabric(stretch_stiffness=4000.0, stretch_stiffness_weft=400.0, shear_stiffness=50.0)
+    grid = Cloth.grid((0.4, 0.4), (7, 7), fabric)
+    mesh = trimesh.Trimesh(grid.points, grid.triangles, process=False)
+    turn = trimesh.transformations.rotation_matrix(0.5 * np.pi, axis)
+    turn[:3, :3] = turn[:3, :3] @ np.diag([1.2, 0.9, -1.0 if mirrored else 1.0])
+    cloth = Cloth.from_mesh(mesh, fabric, transform=turn, springs=kind)
+    energies = []
+    for column in (0, 1):  # of what was x, and y
+        along = turn[:3, column] / np.linalg.norm(turn[:3, column])
+        model = Model.build(cloth, precision="float64")
+        x = cloth.points - cloth.points.mean(axis=0)
+        model.particle_q.assign(cloth.points + 1e-3 * np.outer(x @ along, along))
+        energies.append(Simulation(model, gravity=(0, 0, 0), check_start=False).energy()["spring"])
+    assert 7.0 < energies[0] / energies[1] < 13.0

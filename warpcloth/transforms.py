@@ -52,6 +52,16 @@ def apply(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
+def unturned(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Points (n, 3) that a 4 × 4 affine matrix has transformed, as if it had stretched and moved them only.
+
+    It is A = R S with a rotation R and a symmetric S (polar decomposition), which is negative where A mirrors.
+    """
+    u, _, v = np.linalg.svd(matrix[:3, :3])
+    turn = u @ v if np.linalg.det(u @ v) > 0.0 else -u @ v
+    return points if np.allclose(turn, np.eye(3), atol=1e-12) else points @ turn
+
+
 def _shape(value: Any) -> tuple[int, ...]:
     try:
         return np.shape(value)

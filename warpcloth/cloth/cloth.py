@@ -10,7 +10,7 @@ from ..errors import InputError, MeshError
 from ..fabric import Fabric
 from ..meshes import cloth_mesh, load_mesh
 from ..meshes.check import checked_arrays
-from ..transforms import apply, as_matrix
+from ..transforms import apply, as_matrix, unturned
 from ..validate import Array
 from .arguments import checked_fabric, cloth_label, disc_radius, grid_resolution, grid_size, require, rigid_matrix
 from .bending import BendingElements
@@ -217,13 +217,15 @@ class Cloth:
         mesh = load_mesh(source, prim=prim)
         name = mesh.name if name is None else name
         label = cloth_label(name)
-        mesh = cloth_mesh(mesh.transformed(as_matrix(transform, f"{label}: transform")))
+        matrix = as_matrix(transform, f"{label}: transform")
+        mesh = cloth_mesh(mesh.transformed(matrix))
+        rest = unturned(mesh.points, matrix)  # the warp turns with the mesh
         fabric, kind = checked_fabric(fabric, label), _kind(springs, label)
         return Cloth(
             name=name,
             points=mesh.points,
             triangles=mesh.triangles,
-            springs=mesh_springs(mesh.points, mesh.triangles, fabric, kind),
+            springs=mesh_springs(rest, mesh.triangles, fabric, kind),
             masses=lumped_masses(mesh.points, mesh.triangles, fabric.areal_density),
             fabric=fabric,
             uvs=mesh.uvs,
@@ -231,8 +233,8 @@ class Cloth:
             pins=resolve_pins(pins, mesh.points, {}, label),
             velocity=velocity,
             inflation=inflation,
-            bending=mesh_bending(mesh.points, mesh.triangles, BendingSheet.of(fabric)),
-            woven=woven_triangles(mesh.points, mesh.triangles, fabric) if kind == "woven" else WovenTriangles.none(),
+            bending=mesh_bending(rest, mesh.triangles, BendingSheet.of(fabric)),
+            woven=woven_triangles(rest, mesh.triangles, fabric) if kind == "woven" else WovenTriangles.none(),
         )
 
     @property
