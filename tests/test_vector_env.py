@@ -7,7 +7,7 @@ from host_watch import no_host
 
 import warpcloth as wc
 from warpcloth import diagnostics
-from warpcloth.errors import InputError
+from warpcloth.errors import DivergedError, InputError
 from warpcloth.interop import VectorEnv
 
 FABRIC = wc.Fabric(stretch_stiffness=50.0, shear_stiffness=10.0, damping_time=2e-3)
@@ -165,3 +165,16 @@ def test_looking_after_replays_does_not_turn_back_time():
     before = e.simulation.time
     e.simulation.verify()
     assert e.simulation.time == before == pytest.approx(3.0 / 60.0)
+
+
+def test_a_world_that_was_torn_is_whole_after_its_reset():
+    e = VectorEnv([towel()], [wc.Plane()], worlds=2, integrator="xpbd", substeps=10, contact="all", device="cpu")
+    good, bad = np.zeros(e.action_shape), np.zeros(e.action_shape)
+    bad[0] = 3000.0 * np.random.default_rng(0).normal(size=bad[0].shape)
+    with pytest.raises(DivergedError) as caught:  # in the first step or one of the next
+        [e.step(bad) for _ in range(5)]
+    assert caught.value.worlds == (0,)
+    e.reset(np.array([True, False]))
+    for _ in range(3):
+        e.step(good)
+    assert np.isfinite(e.positions.numpy()).all()

@@ -121,8 +121,9 @@ class ClothContact:
         Raises:
             DivergedError: the integrator moved particles absurdly far. The guard would hold them, and hide that.
         """
-        torn = self.torn.numpy()
+        torn = self.torn.numpy().copy()
         if torn.any():
+            fill(self.torn)  # worlds may be reset, and go on
             raise DivergedError(
                 f"The simulation diverged: {torn.sum()} triangle edges grew to {TORN:g} times their length in one "
                 'frame; use substeps="auto", more substeps, or an integrator that damps: xpbd or implicit_euler.',

@@ -53,7 +53,7 @@ class VectorEnv:
         InputError: worlds that differ in their numbers of particles, handles that are not pinned, values out of range.
 
     Attributes:
-        simulation: the simulation.
+        simulation: the simulation; its model is the environment's own, as it holds where handles are.
         positions, velocities: of all particles [m] and [m/s], vec3, shape [N, particles]; the memory of the state, so
             they show the present at any time.
         actions: velocities of the handles [m/s], vec3, shape [N, handles].
