@@ -20,7 +20,8 @@ wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 class Grabs:
     """Slots; a free one has stiffness and damping 0.
 
-    k [N/m] and d [N s/m]; targets [m] at the times ``clock`` [s], begin and end of the frame in hand.
+    k [N/m] and d [N s/m]; targets [m] at both ends of the frame in hand, which has ``begun`` [s] by the clock of the
+    world of each, and is as long as ``span`` [s].
     """
 
     particles: wp.array(dtype=wp.vec3i)
@@ -29,7 +30,8 @@ class Grabs:
     damping: wp.array(dtype=real)
     target_from: wp.array(dtype=wp.vec3d)
     target_to: wp.array(dtype=wp.vec3d)
-    clock: wp.array(dtype=wp.float64)
+    begun: wp.array(dtype=wp.float64)
+    span: wp.array(dtype=wp.float64)
 
 
 @wp.func
@@ -44,8 +46,7 @@ def held_point(grabs: Grabs, g: int, values: wp.array(dtype=vec3)):
 @wp.func
 def target_at(grabs: Grabs, g: int, t: wp.float64):
     """p* at time t [s]; it waits at both ends of the frame."""
-    span = grabs.clock[1] - grabs.clock[0]
-    share = wp.clamp((t - grabs.clock[0]) / span, wp.float64(0.0), wp.float64(1.0))
+    share = wp.clamp((t - grabs.begun[g]) / grabs.span[0], wp.float64(0.0), wp.float64(1.0))
     x = grabs.target_from[g] + share * (grabs.target_to[g] - grabs.target_from[g])
     return vec3(real(x[0]), real(x[1]), real(x[2]))
 
@@ -53,7 +54,7 @@ def target_at(grabs: Grabs, g: int, t: wp.float64):
 @wp.func
 def target_velocity(grabs: Grabs, g: int):
     """v* [m/s]."""
-    v = (grabs.target_to[g] - grabs.target_from[g]) / (grabs.clock[1] - grabs.clock[0])
+    v = (grabs.target_to[g] - grabs.target_from[g]) / grabs.span[0]
     return vec3(real(v[0]), real(v[1]), real(v[2]))
 
 

@@ -52,7 +52,7 @@ def test_force_is_minus_the_gradient_of_the_energy_and_k_its_derivative():
     simulation = hanging(precision="float64")
     grab = simulation.grab(((0.03, -1.0, 0.82), (0.0, 1.0, 0.0)), stiffness=37.0)
     grab.move((0.1, 0.2, 0.9))
-    simulation._grabs.begin_frame(0.0, DT, 1e-4)
+    simulation._grabs.begin_frame(simulation.state, DT, 1e-4)
     term, state = simulation._grabs, simulation.state
     state.world_time.assign(np.array([DT]))
     state.particle_q.assign(state.particle_q.numpy() + 0.01)
@@ -164,3 +164,23 @@ def test_mistakes():
         simulation.grab(1)
     with pytest.raises(InputError, match="not a tape"):
         GrabTape.from_json("[1]")
+
+
+def test_a_hand_leads_worlds_that_were_reset_as_others():
+    """The clock of a world is younger then than the simulation's."""
+    ways = []
+    for early in (False, True):
+        cloths = [wc.Cloth.grid((0.3, 0.3), (6, 6), pins="left", transform=(0, 0, 0.3))]
+        simulation = wc.Simulation(wc.Model.build_worlds([(cloths, []), (cloths, [])]), "implicit_euler", substeps=10)
+        if early:
+            simulation.run(4)
+            simulation.reset(np.array([True, False]))
+        grab = simulation.grab(35, stiffness=2000.0)
+        start, way = grab.target, []
+        for k in range(1, 5):
+            grab.move(start + np.array([0.0, 0.0, 0.02 * k]))
+            simulation.step(DT)
+            way.append(grab.point[2] - start[2])
+        ways.append(way)
+    assert ways[0] == pytest.approx([0.02, 0.04, 0.06, 0.08], abs=1e-3)
+    assert ways[1] == pytest.approx(ways[0], abs=1e-6)

@@ -154,7 +154,7 @@ class Simulation:
         else:
             self._lookout.warn_if_unstable(self.state, dt, self.substeps)
         if self._grabs is not None:
-            self._grabs.begin_frame(self.time, dt, dt / self.substeps)
+            self._grabs.begin_frame(self.state, dt, dt / self.substeps)
         self._backup.keep(self.state)
         self.contact.remember()
         key = (dt, self.substeps)
@@ -203,11 +203,15 @@ class Simulation:
     def substep(self, dt: float) -> None:
         """One step of the integrator, dt [s], without what :meth:`step` does for whole frames: no automatic substeps,
         no checks, no contact among cloths; ``time`` stays, the worlds' clocks go on. For gradients."""
+        dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
+        if not self.model.differentiable:  # rollouts do that by themselves
+            self._prepare()
         self._substep(self.state, self._other, dt)
         self._end(self._other)
 
     def substeps_for(self, dt: float) -> int:
         """How many substeps a frame of dt [s] from here takes."""
+        dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
         return self._stable_substeps(dt) if self._auto else self.substeps
 
     def run(self, frames: int, fps: float = 60.0, on_frame: Callable[["Simulation", int], None] | None = None) -> None:
@@ -283,10 +287,7 @@ class Simulation:
     def _frame(self, dt: float, substeps: int) -> None:
         now, later = self.state, self._other
         now.forces_current = False  # the caller may have changed the state since the last frame
-        self.forces.prepare()
-        self.integrator.prepare()
-        if self._limit_pass is not None:
-            self._limit_pass.prepare()
+        self._prepare()
         for length in self.contact.interval_lengths(dt, substeps):
             span = length * dt / substeps
             with self.watch.stage("detect"):
@@ -297,6 +298,12 @@ class Simulation:
             with self.watch.stage("guard"):
                 self.contact.end(now, span)
         self._end(now)
+
+    def _prepare(self) -> None:
+        """Brings copies of what the model has up to date."""
+        for item in (self.forces, self.integrator, self._limit_pass):
+            if item is not None:
+                item.prepare()
 
     def _end(self, end: State) -> None:
         """Puts the end of the last step into ``state``, with the forces of the latest evaluation."""

@@ -45,6 +45,7 @@ class Grabs:
         self.targets = np.zeros((SLOTS, 3))
         self._before = np.zeros((SLOTS, 3))
         self._inverse_mass = model.particle_inv_mass.numpy().astype(np.float64)
+        self._world = model.particle_world.numpy()
         self._grabs = model.kernels.grab.Grabs()
         self._grabs.particles = model.array(np.zeros((SLOTS, 3), np.int32), wp.vec3i)
         self._grabs.weights = model.array(np.zeros((SLOTS, 3)), model.vec3)
@@ -52,7 +53,8 @@ class Grabs:
         self._grabs.damping = model.array(np.zeros(SLOTS), model.real)
         self._grabs.target_from = model.array(np.zeros((SLOTS, 3)), wp.vec3d)
         self._grabs.target_to = model.array(np.zeros((SLOTS, 3)), wp.vec3d)
-        self._grabs.clock = model.array(np.array([0.0, 1.0]), wp.float64)
+        self._grabs.begun = model.array(np.zeros(SLOTS), wp.float64)
+        self._grabs.span = model.array(np.ones(1), wp.float64)
         self._energy = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
         self._idle = True
 
@@ -73,25 +75,27 @@ class Grabs:
         """Lets go."""
         self.holds[slot] = None
 
-    def begin_frame(self, time: float, dt: float, step: float) -> None:
-        """Brings the device up to date for a frame of dt [s] from ``time`` [s], in steps of ``step`` [s]."""
+    def begin_frame(self, state: State, dt: float, step: float) -> None:
+        """Brings the device up to date for a frame of dt [s] from ``state``, in steps of ``step`` [s]."""
         busy = any(hold is not None for hold in self.holds)
         if self._idle and not busy:
             return
         self._idle = not busy
-        stiffness, damping = np.zeros(SLOTS), np.zeros(SLOTS)
+        stiffness, damping, begun = np.zeros(SLOTS), np.zeros(SLOTS), np.zeros(SLOTS)
         particles, weights = np.zeros((SLOTS, 3), np.int32), np.zeros((SLOTS, 3))
         for slot, hold in enumerate(self.holds):
             if hold is not None:
                 particles[slot], weights[slot] = hold.particles, hold.weights
                 stiffness[slot], damping[slot] = self._carried(hold, step)
+                begun[slot] = state.world_time.numpy()[self._world[hold.particles[0]]]
         self._grabs.particles.assign(particles)
         self._grabs.weights.assign(weights)
         self._grabs.stiffness.assign(stiffness)
         self._grabs.damping.assign(damping)
         self._grabs.target_from.assign(self._before)
         self._grabs.target_to.assign(self.targets)
-        self._grabs.clock.assign(np.array([time, time + dt]))
+        self._grabs.begun.assign(begun)
+        self._grabs.span.fill_(dt)
         self._before = self.targets.copy()
 
     def _carried(self, hold: Hold, step: float) -> tuple[float, float]:
