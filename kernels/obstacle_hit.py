@@ -10,6 +10,7 @@ from .precision import real, vec3
 from .shapes import MESH, Shapes, distance
 
 MAX_MARCH = wp.constant(48)
+LOOKS = wp.constant(3)  # for where the surface has carried a particle; each is better by the turn in a step
 
 
 @wp.struct
@@ -121,16 +122,19 @@ def mesh_hit(mesh: wp.uint64, speed: real, dt: real, a_rest: vec3, b: vec3, offs
     """Contact of the path a → b with a triangle mesh, either side, grown by ``offset``.
 
     A deforming mesh (``speed`` > 0, its greatest [m/s]) lies here as at the end of the step; the path's start is
-    carried along with the surface nearest to it.
+    carried along with the point of the surface that was nearest to it then. Where that has come to is looked for again
+    and again: what is nearest to the start now has another velocity, and on a turning slab what should stick crept
+    outwards by its speed times the turn in a step.
     """
     hit = Hit()
     a = a_rest
     if speed > real(0.0):
         reach = offset + slop + speed * dt + wp.length(b - a)
-        carrier = wp.mesh_query_point_no_sign(mesh, to_float3(a), wp.float32(reach))
-        if carrier.result:
-            hit.surface = dt * from_float3(wp.mesh_eval_velocity(mesh, carrier.face, carrier.u, carrier.v))
-            a = a + hit.surface
+        for _look in range(LOOKS):
+            carrier = wp.mesh_query_point_no_sign(mesh, to_float3(a), wp.float32(reach))
+            if carrier.result:
+                hit.surface = dt * from_float3(wp.mesh_eval_velocity(mesh, carrier.face, carrier.u, carrier.v))
+                a = a_rest + hit.surface
     path = b - a
     length = wp.length(path)
     near = wp.mesh_query_point_no_sign(mesh, to_float3(b), wp.float32(offset + slop))
