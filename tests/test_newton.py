@@ -175,6 +175,23 @@ def test_what_flies_along_with_massless_particles_is_not_pulled_at(name):
     assert np.abs(np.linalg.norm(end[ends[:, 1]] - end[ends[:, 0]], axis=1) / rest - 1.0).max() < 1e-4
 
 
+@pytest.mark.parametrize("name", ["velocity_verlet", "pefrl"])
+def test_damping_that_comes_later_is_as_if_it_had_been_there(name):
+    """Schemes treat forces that depend on velocities in another way."""
+    ends = []
+    for late in (False, True):
+        model = finished(newton_grid)
+        damping = model.spring_damping.numpy().copy()
+        if late:
+            model.spring_damping.zero_()
+        solver = SolverMassSpring(model, name, substeps=20)
+        model.spring_damping.assign(damping)
+        if late:
+            solver.notify_model_changed(newton.ModelFlags.MODEL_PROPERTIES)
+        ends.append(roll_out(model, solver, 10, 0.005).particle_q.numpy())
+    np.testing.assert_array_equal(*ends)
+
+
 @pytest.mark.parametrize("name", ["symplectic_euler", "xpbd", "bdf2"])
 def test_reset_with_a_world_mask(name):
     model = finished(newton_grid, worlds=3)

@@ -231,3 +231,24 @@ def test_springs_that_change_between_frames_are_taken_over(name):
         sim.run(3)
         ends.append(sim.state.particle_q.numpy())
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["xpbd", "vbd", "symplectic_euler"])
+def test_single_steps_take_over_springs_that_changed(name):
+    ends = []
+    for early in (True, False):
+        model = wc.Model.build(sheet(5, pins="left"))
+        longer = 1.3 * model.spring_rest_length.numpy()
+        if early:
+            model.spring_rest_length.assign(longer)
+        sim = wc.Simulation(model, name, substeps=10)
+        model.spring_rest_length.assign(longer)
+        for _ in range(5):
+            sim.substep(1e-3)
+        ends.append(sim.state.particle_q.numpy())
+    np.testing.assert_array_equal(*ends)
+    for wrong in (-1.0, float("nan"), "a"):
+        with pytest.raises(InputError, match=r"^Dt must be"):
+            sim.substep(wrong)
+        with pytest.raises(InputError, match=r"^Dt must be"):
+            sim.substeps_for(wrong)

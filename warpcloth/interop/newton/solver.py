@@ -58,12 +58,12 @@ class SolverMassSpring(newton.solvers.SolverBase):
         self.substeps = validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
         self._scheme = (integrator, integrator_options)
         self._applied = AppliedForce(network)
-        self.forces = Forces(network, [Springs(network, assembly), self._applied], model.gravity)
+        self._assembly = assembly
         start = State.of(network)
         self.world_time = start.world_time
         self._force, self._scratch = start.particle_f, [start.twin(), start.twin()]
         self._planes: ContactPlanes | None = None
-        self._make_integrator()
+        self._make_scheme()
 
     def step(
         self,
@@ -131,13 +131,16 @@ class SolverMassSpring(newton.solvers.SolverBase):
         """With ``MODEL_PROPERTIES``, springs are read anew; masses, flags, gravity and contacts always are."""
         if flags & ModelFlags.MODEL_PROPERTIES:
             self.network.refresh()
-            self._make_integrator()
+            self._make_scheme()
 
     def stable_step(self) -> float:
         """Largest step [s] that the integrator can safely take, whatever the springs' directions; maybe infinite."""
         return stability.largest_stable_step(self.network, self.integrator)
 
-    def _make_integrator(self) -> None:
+    def _make_scheme(self) -> None:
+        """The forces, which may be damped where they were not, and the integrator."""
+        springs = Springs(self.network, self._assembly)
+        self.forces = Forces(self.network, [springs, self._applied], self.model.gravity)
         name, options = self._scheme
         self.integrator = make_integrator(name, self.network, options)
         self._rows = WorldRows(self.network)
