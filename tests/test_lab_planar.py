@@ -14,7 +14,11 @@ SOFT = Fabric(stretch_stiffness=400.0, stretch_stiffness_weft=300.0, shear_stiff
 MESHES = {"grid": {}, "angle": {"angle": 26.565}, "irregular": {"mesh": "irregular"}}
 
 
-@pytest.mark.parametrize(("mesh", "cells"), [("grid", 8), ("grid", 16), ("grid", 24), ("irregular", 12), ("angle", 12)])
+COARSE = [("grid", 4), ("grid", 5), ("grid", 6), ("irregular", 4), ("irregular", 6), ("angle", 6)]
+FINE = [("grid", 8), ("grid", 16), ("grid", 24), ("irregular", 12), ("angle", 12)]
+
+
+@pytest.mark.parametrize(("mesh", "cells"), COARSE + FINE)
 def test_tensile_test_returns_the_stiffness_put_in(mesh, cells):
     setup = Setup(fabric=SOFT, resolution=cells, **MESHES[mesh])
     for fabric in (SOFT, tensile.turned(SOFT)):
