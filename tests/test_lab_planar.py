@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpcloth.cli.main import run
-from warpcloth.fabric import Fabric
+from warpcloth.fabric import STANDARD_GRAVITY, Fabric
 from warpcloth.fabric_library import library_fabric
 from warpcloth.lab import Setup, bias, hang, incline, shear, tensile
 
@@ -55,6 +55,19 @@ def test_strip_hangs_as_long_as_it_must(integrator):
     result = hang.run(Setup(fabric=library_fabric("denim"), integrator=integrator, resolution=20), str)
     assert result.passed
     assert len(result.checks) == 1
+
+
+@pytest.mark.parametrize(("mesh", "cells"), [("grid", 4), ("grid", 5), ("grid", 6), ("grid", 9), ("irregular", 9)])
+def test_a_hanging_strip_is_measured_where_the_table_says(mesh, cells):
+    """Displacements on a grid are exact at its rows of vertices, so that they tell where they were taken."""
+    fabric = library_fabric("cotton")
+    rows = hang.run(Setup(fabric=fabric, resolution=cells, **MESHES[mesh]), str).rows
+    places, moved, expected, settled = np.array(rows, float).T
+    scale = 1e6 * fabric.areal_density * STANDARD_GRAVITY / fabric.stretch_stiffness
+    assert settled.all()
+    assert np.abs(places - (0.25, 0.5, 0.75, 1.0)).max() <= 0.5 / cells + 1e-9
+    assert expected == pytest.approx(scale * (places - 0.5 * places**2), rel=1e-9)
+    assert moved == pytest.approx(expected, rel=1e-3 if mesh == "grid" else 0.02)
 
 
 def test_incline_slides_and_sticks_as_coulomb_says():
