@@ -1,6 +1,7 @@
 """Laboratory tests of stretch, shear, weight and friction: what was put in comes out, whatever the mesh."""
 
 import json
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from warpcloth.cli.main import run
 from warpcloth.fabric import STANDARD_GRAVITY, Fabric
 from warpcloth.fabric_library import library_fabric
 from warpcloth.lab import Setup, bias, hang, incline, shear, tensile
+from warpcloth.model import Model
 
 SOFT = Fabric(stretch_stiffness=400.0, stretch_stiffness_weft=300.0, shear_stiffness=100.0, bend_stiffness=0.0)
 MESHES = {"grid": {}, "angle": {"angle": 26.565}, "irregular": {"mesh": "irregular"}}
@@ -70,10 +72,29 @@ def test_a_hanging_strip_is_measured_where_the_table_says(mesh, cells):
     assert moved == pytest.approx(expected, rel=1e-3 if mesh == "grid" else 0.02)
 
 
-def test_incline_slides_and_sticks_as_coulomb_says():
-    result = incline.run(Setup(fabric=library_fabric("wool")), str)
+@pytest.mark.parametrize("mesh", list(MESHES))
+def test_incline_slides_and_sticks_as_coulomb_says(mesh):
+    result = incline.run(Setup(fabric=library_fabric("wool"), **MESHES[mesh]), str)
     assert [check.what.split()[0] for check in result.checks] == ["creep", "distance", "distance"]
     assert result.passed
+
+
+def test_incline_slides_the_mesh_that_it_reports(monkeypatch):
+    built, build = [], Model.build
+
+    def watched(cloth, *others, **options):
+        built.append(cloth)
+        return build(cloth, *others, **options)
+
+    monkeypatch.setattr(Model, "build", watched)
+    monkeypatch.setattr(incline, "FRAMES", 1)
+    setups = [Setup(), Setup(angle=30.0), Setup(mesh="irregular"), Setup(mesh="irregular", seed=1)]
+    for setup in setups:
+        incline.slid(setup, 10.0)
+    meshes = [{tuple(point) for point in cloth.points.round(6)} for cloth in built]
+    assert all(a != b for a, b in combinations(meshes, 2))
+    assert [cloth.area for cloth in built] == pytest.approx([incline.SIDE**2] * 4, rel=1e-3)
+    assert [cloth.points[:, 2].min() for cloth in built] == pytest.approx([built[0].points[0, 2]] * 4)
 
 
 def test_bias_extension_of_firm_yarns_is_that_of_a_trellis():
