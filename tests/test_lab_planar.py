@@ -106,6 +106,16 @@ def test_bias_extension_of_firm_yarns_is_that_of_a_trellis():
     assert knit < 0.8 * angle
 
 
+def test_bias_extension_reports_the_mesh_that_it_has(monkeypatch):
+    """Always the grid along the yarns, so that the options for other meshes change nothing."""
+    monkeypatch.setattr(bias, "EXTENSIONS", (0.05,))
+    setups = (Setup(resolution=12), Setup(resolution=12, mesh="irregular", angle=30.0, seed=7))
+    plain, other = (bias.run(setup, str) for setup in setups)
+    assert plain.rows == other.rows
+    assert plain.setup == other.setup
+    assert (other.setup["mesh"], other.setup["angle"], other.setup["resolution"]) == ("grid", 45.0, 12)
+
+
 def test_command_writes_a_table_and_a_picture(tmp_path, capsys):
     assert run(["lab", "shear", "--fabric", "twill", "--resolution", "6", "-o", str(tmp_path), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
