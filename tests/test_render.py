@@ -240,7 +240,30 @@ def test_time_codes_are_not_frames(tmp_path):
     playback = Playback(tmp_path / "dense.usda")
     assert (playback.frames, playback.fps, playback.time(2)) == (3, 24.0, pytest.approx(2 / 24))
     film = render(tmp_path / "dense.usda", tmp_path / "dense.gif", size=SMALL)
-    assert (film.pictures, film.fps) == (3, 24.0)
+    assert (film.pictures, film.fps) == (3, 25.0)
+
+
+@pytest.mark.parametrize("fps", [None, 60.0, 50.0, 40.0, 24.0, 7.0])
+def test_animations_last_as_long_as_their_cache(fps, tmp_path):
+    """To half a picture, though the format has only some rates; and they have the rate that is reported."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "second.usda"))
+    stage.SetTimeCodesPerSecond(24.0)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    cloth = UsdGeom.Mesh.Define(stage, "/cloth")
+    cloth.CreateFaceVertexCountsAttr([3])
+    cloth.CreateFaceVertexIndicesAttr([0, 1, 2])
+    for code in range(24):
+        cloth.CreatePointsAttr().Set([(0, 0, 0.02 * code), (1, 0, 0), (0, 1, 0)], code)
+    stage.Save()
+    film = render(tmp_path / "second.usda", tmp_path / "second.gif", size=SMALL, fps=fps)
+    shown = []
+    with Image.open(film.output) as pictures:
+        for number in range(pictures.n_frames):
+            pictures.seek(number)
+            shown.append(1e-3 * pictures.info["duration"])
+    assert min(shown) >= 0.02
+    assert film.pictures / film.fps == pytest.approx(sum(shown))
+    assert sum(shown) == pytest.approx(1.0, abs=0.5 / film.fps + 1e-9)
 
 
 def test_a_film_and_a_turntable_and_a_sheet(cache, tmp_path):

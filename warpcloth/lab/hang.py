@@ -35,9 +35,10 @@ def run(setup: Setup, progress: Progress) -> Result:
     scale = fabric.areal_density * STANDARD_GRAVITY / fabric.stretch_stiffness
     rows = []
     for share in (0.25, 0.5, 0.75, 1.0):
-        near = np.abs(s - share * LENGTH) < 0.5 * LENGTH / setup.cells(CELLS)
-        expected = scale * (s[near] * LENGTH - 0.5 * s[near] ** 2)
-        rows.append((share, 1e6 * float(moved[near].mean()), 1e6 * float(expected.mean()), rest.settled))
+        place = float(s[np.abs(s - share * LENGTH).argmin()])  # where there are vertices, as near as can be
+        expected = scale * (place * LENGTH - 0.5 * place**2)
+        there = np.abs(s - place) < 1e-6 * LENGTH
+        rows.append((place / LENGTH, 1e6 * float(moved[there].mean()), 1e6 * expected, rest.settled))
     line = np.linspace(0.0, LENGTH, 50)
     curves = [
         Curve("σ g (L s − s²/2)/Y", line, 1e6 * scale * (LENGTH * line - 0.5 * line**2)),

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from ..cloth import Cloth
-from ..fabric import STANDARD_GRAVITY
+from ..fabric import STANDARD_GRAVITY, Fabric
 from ..model import Model
 from ..obstacles import Plane
 from ..simulation import Simulation
 from .result import POINTS, Check, Curve, Panel, Result
 from .setup import Progress, Setup
+from .specimen import rectangle
 
 NAME = "incline"
 TITLE = "Friction on an incline"
@@ -63,9 +64,7 @@ def slid(setup: Setup, angle: float) -> np.ndarray:
     """Mean way down the plane [m] at the ends of all frames, shape [frames + 1]."""
     theta, fabric = np.deg2rad(angle), replace(setup.fabric, bend_stiffness=0.0)
     gap = 1e-3
-    height = gap + 0.5 * fabric.thickness
-    cells = setup.cells(CELLS)
-    cloth = Cloth.grid((SIDE, SIDE), (cells + 1, cells + 1), fabric, transform=(0.0, 0.0, height))
+    cloth = square(setup, fabric, gap + 0.5 * fabric.thickness)
     plane = Plane(friction=fabric.friction, thickness=gap)
     gravity = STANDARD_GRAVITY * np.array([np.sin(theta), 0.0, -np.cos(theta)])
     simulation = Simulation(Model.build(cloth, plane, precision="float64"), setup.integrator, gravity)
@@ -74,3 +73,10 @@ def slid(setup: Setup, angle: float) -> np.ndarray:
         simulation.step(TIME / FRAMES)
         ways.append(float(simulation.state.particle_q.numpy()[:, 0].mean() - start))
     return np.array(ways)
+
+
+def square(setup: Setup, fabric: Fabric, height: float) -> Cloth:
+    """The specimen, level at a height [m]; its mesh as ``setup`` asks."""
+    half = 0.5 * SIDE
+    flat = rectangle((-half, -half), (half, half), SIDE / setup.cells(CELLS), setup, fabric, springs="woven")
+    return replace(flat, points=np.add(flat.points, (0.0, 0.0, height)))

@@ -54,7 +54,7 @@ class Setup:
         return self.mesh == "grid" and self.angle == 0.0
 
     def summary(self) -> dict[str, Any]:
-        """For reports."""
+        """For reports; a test that does not follow some of it puts what it did in place of that."""
         return {
             "fabric": self.fabric.name,
             "integrator": self.integrator,

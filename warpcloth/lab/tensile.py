@@ -18,7 +18,7 @@ from .strained import gradient, strained
 NAME = "tensile"
 TITLE = "Tensile test"
 LENGTH, WIDTH = 0.2, 0.05  # [m] of the free strip
-GAUGE = 0.25  # of the length, the middle part that is measured
+GAUGE = 0.25  # of the length, the middle part that is measured, or a cell to either side where that is more
 EXTENSIONS = (0.002, 0.01, 0.02, 0.04)
 CELLS = 32
 TOLERANCE = 0.02
@@ -43,7 +43,8 @@ def run(setup: Setup, progress: Progress) -> Result:
         test=NAME,
         title=TITLE,
         method=f"Strips of {1e3 * LENGTH:g} mm × {1e3 * WIDTH:g} mm clamped at both ends and pulled; strain of the "
-        "middle quarter, load per width at the clamps; against Y ε, and what the strain limit adds.",
+        f"middle {100.0 * gauge(setup.cells(CELLS)):.3g} %, load per width at the clamps; against Y ε, and what the "
+        "strain limit adds.",
         setup=setup.summary(),
         columns=("along", "strain %", "load N/m", "load put in N/m", "settled"),
         rows=rows,
@@ -63,9 +64,14 @@ def pulled(setup: Setup, fabric: Fabric, extension: float) -> tuple[float, float
     ends = np.abs(np.abs(x) - 0.5 * LENGTH) < 1e-6 * LENGTH
     stretch = np.array([1.0 + extension, 1.0, 1.0])
     held = strained(cloth, np.flatnonzero(ends), lambda points: points * stretch, setup, LENGTH)
-    strain = gradient(cloth.points, held.positions, np.abs(x) < 0.5 * GAUGE * LENGTH + 1e-9)[0, 0] - 1.0
+    strain = gradient(cloth.points, held.positions, np.abs(x) < 0.5 * gauge(cells) * LENGTH + 1e-9)[0, 0] - 1.0
     load = -float(held.forces[ends & (x > 0.0), 0].sum()) / WIDTH
     return float(strain), load, held.settled
+
+
+def gauge(cells: int) -> float:
+    """Share of the strip's length that is measured; it always holds two columns of vertices, as a strain needs."""
+    return max(GAUGE, 2.0 / cells)
 
 
 def turned(fabric: Fabric) -> Fabric:

@@ -11,7 +11,7 @@ from PIL import Image
 from ..errors import InputError, MissingExtraError
 
 STILLS, FILMS = (".png", ".jpg", ".jpeg"), (".mp4", ".gif")
-FASTEST_GIF = 25.0  # pictures per second; times in the format are hundredths of a second
+FASTEST_GIF = 25.0  # pictures per second where none are asked for
 
 
 def check_output(path: Path, kinds: tuple[str, ...], what: str) -> None:
@@ -44,8 +44,17 @@ def write_still(path: Path, image: np.ndarray) -> None:
         raise InputError(f"Cannot write {path.name}: {error.strerror or error}.") from error
 
 
+def film_rate(path: Path, fps: float) -> float:
+    """Pictures per second at which a file of this name can play, as near to ``fps`` as its format has them: a GIF shows
+    each picture for whole hundredths of a second, and two at least."""
+    return 100.0 / max(2, round(100.0 / fps)) if path.suffix.lower() == ".gif" else fps
+
+
 def write_film(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
     """Writes a film, ``.mp4`` (H.264) or ``.gif``; memory stays flat for the former.
+
+    Args:
+        fps: pictures per second, of :func:`film_rate`.
 
     Raises:
         InputError: the file cannot be written; MissingExtraError: imageio-ffmpeg is not installed.
@@ -62,7 +71,7 @@ def write_film(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
 
 def _write_gif(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
     frames = [Image.fromarray(image).quantize(256, dither=Image.Dither.FLOYDSTEINBERG) for image in images]
-    duration = 10 * max(2, round(100.0 / fps))  # [ms]
+    duration = round(1000.0 / film_rate(path, fps))  # [ms]
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=duration, loop=0, optimize=False)
 
 

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..scenes.usd.playback import Playback
 from .camera import Camera, make_camera
 from .coloring import Coloring
-from .files import FASTEST_GIF, FILMS, STILLS, check_output, write_film, write_still
+from .files import FASTEST_GIF, FILMS, STILLS, check_output, film_rate, write_film, write_still
 from .legend import with_color_bar, with_label
 from .looks import PATTERN_NAMES
 from .paint import Painter
@@ -68,7 +68,7 @@ def render(
         sheet: one picture of so many frames, evenly over time.
         size: width and height of the picture [pixels], even numbers.
         camera: see :func:`warpcloth.render.camera.make_camera`.
-        fps: pictures per second of a film; by default the cache's.
+        fps: pictures per second of a film, for a ``.gif`` the nearest that it can have; by default the cache's.
         color: what colours show, see :data:`warpcloth.render.coloring.COLORINGS`.
         pattern: on the cloth, one of :data:`warpcloth.render.looks.PATTERN_NAMES`.
         on_picture: called after each picture with its number and the number of pictures.
@@ -130,10 +130,11 @@ class _Renderer:
     def film(self, frame: int, turntable: bool, rate: float) -> tuple[int, float, Iterator[np.ndarray]]:
         """Number of pictures, pictures per second, and the pictures: of all frames, or around one."""
         if turntable:
-            count = round(TURNTABLE_SECONDS * rate)
+            count = max(1, round(TURNTABLE_SECONDS * rate))
             return count, rate, self._around(frame, count)
         own = np.array([self.playback.time(frame) for frame in range(self.playback.frames)])
-        count = max(1, round((own[-1] - own[0]) * rate) + 1)
+        seconds = own[-1] - own[0] + 1.0 / self.playback.fps  # the last frame is seen as long as the others
+        count = max(1, round(seconds * rate))
         frames = np.abs(own[:, None] - (own[0] + np.arange(count) / rate)).argmin(axis=0)
         camera = make_camera(self.camera, self.shot.framing(), self.size)
         return count, rate, (self._finished(int(frame), camera) for frame in frames)
@@ -209,7 +210,7 @@ def _rate(fps: float | None, path: Path, turntable: bool, playback: Playback) ->
     rate = TURNTABLE_FPS if turntable else min(playback.fps, 60.0)
     if path.suffix.lower() == ".gif":
         rate = min(rate, FASTEST_GIF)
-    return rate if fps is None else validate.number(fps, "fps", minimum=0.1, maximum=240.0)
+    return film_rate(path, rate if fps is None else validate.number(fps, "fps", minimum=0.1, maximum=240.0))
 
 
 def _reported(images: Iterator[np.ndarray], count: int, on_picture: OnPicture | None) -> Iterator[np.ndarray]:
