@@ -1,0 +1,56 @@
+"""Obstacles in scenes that are viewed: where a simulation of the scene has them, and where hands lead them."""
+
+import numpy as np
+import pytest
+from view_browser import SCENE
+from warpcloth.scenes import scene_from_toml
+from warpcloth.scenes.built import BuiltScene, make_model, make_simulation
+
+from warpcloth.view.settings import Settings
+from warpcloth.view.stage import LedObstacle, Stage
+
+
+PADDLE = """
+[[obstacle]]
+name = "paddle"
+shape = "box"
+center = [0.0, -0.12, 0.5]
+size = [0.5, 0.02, 0.2]
+"""
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        "motion.keys = [{ time = 0.0 }, { time = 0.25, rotation = [0.0, 0.0, 360.0] }]",
+        "motion.keys = [{ time = 0.0 }, { time = 0.11, position = [0.0, 0.2, 0.0] }, { time = 0.25 }]",
+        "motion.keys = [{ time = 0.05 }, { time = 0.17, position = [0.0, 0.2, 0.0] }]",  # jumps back
+        "motion.interpolation = 'smooth'\nmotion.keys = [{ time = 0.0 }, { time = 0.25, position = [0.0, 0.2, 0.0] }]",
+    ],
+)
+def test_what_moves_in_a_loop_is_where_a_simulation_has_it_and_so_is_the_cloth(motion):
+    scene = scene_from_toml(SCENE + PADDLE + "motion.loop = true\n" + motion).changed({"fps": 30.0})
+    stage, built = Stage(scene, Settings("xpbd", 20, scene.simulation.gravity, scene.air.wind)), BuiltScene.of(scene)
+    plain = make_simulation([built], make_model([built]))
+    still = plain.state.particle_q.numpy().copy()
+    for _ in range(20):
+        stage.step()
+        plain.step(1.0 / 30.0)
+        ends = [world.model.shapes.start.numpy() for world in (stage.simulation, plain)]
+        assert ends[0]["position"] == pytest.approx(ends[1]["position"], abs=1e-6)
+        assert ends[0]["rotation"] == pytest.approx(ends[1]["rotation"], abs=1e-6)
+    cloth = plain.state.particle_q.numpy()
+    assert np.abs(cloth - still)[:, 1].max() > 0.02  # it was met
+    assert stage.simulation.state.particle_q.numpy() == pytest.approx(cloth, abs=1e-6)
+
+
+def test_what_spins_spins_on_while_a_hand_leads_it():
+    keys = "motion.loop = true\nmotion.keys = [{ time = 0.0 }, { time = 0.25, rotation = [0.0, 0.0, 360.0] }]"
+    scene = scene_from_toml(SCENE + PADDLE + keys)
+    item = LedObstacle(next(o for o in BuiltScene.of(scene).obstacles if o.name == "paddle"))
+    item.hand = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    motion = item.follow(0.24, 0.03)
+    turns = np.diff([motion.keys_at(time)[1][2] for time in np.linspace(0.24, 0.27, 50)])
+    assert turns == pytest.approx(8.0 * np.pi * 0.03 / 49)
+    assert motion.keys_at(0.27)[0] == pytest.approx((0.06, 0.0, 0.0))
+    assert item.obstacle.motion.keys_at(0.27)[0] == pytest.approx((0.06, 0.0, 0.0))
