@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from pxr import Usd, UsdGeom, UsdPhysics
+from shot_files import add_cloth, add_mesh, cached_points, new_stage, sheet, to_stage
 from view_browser import SCENE
-from warpcloth.scenes import scene_from_toml
+from warpcloth.scenes import load_scene, scene_from_toml
 from warpcloth.scenes.built import BuiltScene, make_model, make_simulation
 
+from warpcloth.view.session import Session
 from warpcloth.view.settings import Settings
 from warpcloth.view.stage import LedObstacle, Stage
 
@@ -54,3 +57,44 @@ def test_what_spins_spins_on_while_a_hand_leads_it():
     assert turns == pytest.approx(8.0 * np.pi * 0.03 / 49)
     assert motion.keys_at(0.27)[0] == pytest.approx((0.06, 0.0, 0.0))
     assert item.obstacle.motion.keys_at(0.27)[0] == pytest.approx((0.06, 0.0, 0.0))
+
+
+def test_a_recording_begun_after_a_change_has_obstacles_where_they_are(tmp_path):
+    keys = "motion.keys = [{ time = 0.0 }, { time = 10.0, position = [0.0, -10.0, 0.0] }]"
+    session = Session(scene_from_toml(SCENE + PADDLE + keys))
+    session.lead("paddle", (0.0, 0.0, 0.1))
+    for _ in range(15):
+        session.single_step()
+    session.change(stiffness=2.0)
+    session.record(tmp_path / "shot.usda")
+    session.single_step()
+    session.close()
+    stage = Usd.Stage.Open(str(tmp_path / "shot.usda"))
+    paddle = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Obstacles/paddle"))
+    places = [np.array(paddle.ComputeLocalToWorldTransform(code))[3, :3] for code in (0.0, 1.0)]
+    assert places[0] == pytest.approx((0.0, -0.62, 0.6), abs=1e-6)
+    assert places[1] == pytest.approx((0.0, -0.62 - 1 / 30, 0.6), abs=1e-6)
+
+
+def test_a_recording_begun_later_has_what_deforms_where_it_shaped_the_cloth(tmp_path):
+    stage = new_stage(tmp_path / "shot.usda", frames=24)
+    add_cloth(stage)
+    points, counts, indices = sheet(2, 1.0, 0.49)
+    lid = add_mesh(stage, "/World/Lid", (points, counts, indices))
+    UsdPhysics.CollisionAPI.Apply(lid.GetPrim())
+    for frame in (0, 24):
+        lid.GetPointsAttr().Set(to_stage(stage, points + np.array((0.0, 0.0, 0.01 * frame))), frame)
+    stage.Save()
+    session = Session(load_scene(tmp_path / "shot.usda", ["simulation.integrator=xpbd"]), 24.0)
+    for _ in range(12):
+        session.single_step()
+    session.record(tmp_path / "recorded.usdc")
+    session.single_step()
+    session.close()
+    assert (session.snapshot.error, session.snapshot.time) == ("", pytest.approx(13 / 24))
+    shown = Usd.Stage.Open(str(tmp_path / "recorded.usdc"))
+    obstacles = shown.GetPrimAtPath("/World/Obstacles").GetChildren()
+    assert len(obstacles) == 1
+    for frame in (0, 1):
+        heights = cached_points(tmp_path / "recorded.usdc", str(obstacles[0].GetPath()), frame)[:, 2]
+        assert heights == pytest.approx(0.49 + 0.01 * (12 + frame), abs=1e-6)
