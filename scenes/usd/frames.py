@@ -65,13 +65,20 @@ class FrameWriter:
         """How many frames are complete."""
         return len(self._written)
 
-    def write(self, frame: int, points: Mapping[str, np.ndarray], velocities: Mapping[str, np.ndarray]) -> None:
+    def write(
+        self,
+        frame: int,
+        points: Mapping[str, np.ndarray],
+        velocities: Mapping[str, np.ndarray],
+        time: float | None = None,
+    ) -> None:
         """Writes one frame of every cloth and obstacle.
 
         Args:
             frame: integer, one more than the last one written.
             points: world positions by name of cloth [m], shape [n, 3] each.
             velocities: likewise [m/s].
+            time: at which obstacles are shown [s]; None: that of the frame when frame 0 is the start.
 
         Raises:
             UsdError: on a wrong frame, name or shape, or when the disk does not take the samples.
@@ -85,7 +92,7 @@ class FrameWriter:
         for name, cloth in self._cloths.items():
             self._file.added(cloth.write(code, points[name], velocities[name]))
         for obstacle in self._obstacles:
-            self._file.added(obstacle.write(code, frame / self.fps))
+            self._file.added(obstacle.write(code, frame / self.fps if time is None else time))
         self._written = range(self._written[0] if self._written else frame, frame + 1)
         self._begun = None
         self._file.save_when_due(self._written)

@@ -265,7 +265,7 @@ class Session:
         state, model = self.stage.simulation.state, self.stage.simulation.model
         arrays = (state.particle_q.numpy(), state.particle_qd.numpy())
         points, velocities = (by_cloth([self.stage.built], model, values)[0] for values in arrays)
-        self._writer.write(self._recorded, points, velocities)
+        self._writer.write(self._recorded, points, velocities, self.stage.simulation.time)
         self._recorded += 1
 
     def _stop_recording(self) -> None:

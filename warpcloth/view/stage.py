@@ -20,30 +20,36 @@ from .settings import AS_IN_SCENE, Settings
 
 HAND_SPEED, HAND_TURN = 2.0, 4.0  # [m/s], [rad/s]: no faster do obstacles follow a hand
 NUDGE = 1e-9  # [m] between keys of a motion that must not count as still
+SAMPLES = 9  # of the way in a frame in which a hand leads
 
 
 class LedObstacle:
     """An obstacle that moves as its scene says, and besides to where a hand leads it.
 
     Attributes:
-        original: as the scene has it. obstacle: a copy whose motion is where it is now.
+        original: as the scene has it. obstacle: a copy, whose motion goes on from where a hand has left it.
         hand: displacement [m] and rotation vector [rad] that it is led to, besides its own motion.
         place: how far it has got.
     """
 
     def __init__(self, obstacle: Obstacle):
         self.original = obstacle
-        self.obstacle = replace(obstacle, motion=self._resting(np.zeros(6)))
         self.hand = np.zeros(6)
         self.place = np.zeros(6)
+        self.room = SAMPLES if obstacle.motion is None else max(SAMPLES, len(obstacle.motion.times))
+        self.obstacle = replace(obstacle, motion=self._resting(np.zeros(6)))
 
-    def keys(self, time: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement [m] and rotation vector [rad] at both ends of a frame, shape [6] each; moves on."""
+    def follow(self, time: float, dt: float) -> Motion:
+        """The motion in a frame; moves on. Where no hand leads it is the scene's own, key by key."""
         step = np.clip(self.hand - self.place, *(sign * dt * np.repeat([HAND_SPEED, HAND_TURN], 3) for sign in (-1, 1)))
         begin, self.place = self.place, self.place + step
-        keys = self._scene(time) + begin, self._scene(time + dt) + self.place
-        object.__setattr__(self.obstacle, "motion", self._resting(keys[1]))
-        return keys
+        motion = self._own()
+        object.__setattr__(self.obstacle, "motion", motion)
+        return self._led(time + np.linspace(0.0, dt, SAMPLES), begin) if np.any(step) else motion
+
+    def rest(self, time: float) -> None:
+        """Lets the copy stay where it is at ``time`` [s], with room for the keys of any frame."""
+        object.__setattr__(self.obstacle, "motion", self._resting(self._scene(time) + self.place))
 
     def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Centre [m] and rotation vector [rad] at the end of the last frame, shape [3] each."""
@@ -57,16 +63,32 @@ class LedObstacle:
         """Where the centre would be without a hand [m], shape [3]."""
         return self.pose(time)[0] - self.place[:3]
 
-    def start(self) -> None:
-        """Puts the copy where the scene begins, which is where a new simulation is checked."""
-        object.__setattr__(self.obstacle, "motion", self._resting(self._scene(0.0)))
-
     def _resting(self, at: np.ndarray) -> Motion:
         """A motion that stays there, with the scene's pivot."""
-        ends = np.stack([at, at])
-        ends[1, :3] += NUDGE
+        keys = np.tile(at, (self.room, 1))
+        keys[1:, :3] += NUDGE
         motion = self.original.motion
-        return Motion((0.0, 1.0), ends[:, :3], ends[:, 3:], pivot=None if motion is None else motion.pivot)
+        pivot = None if motion is None else motion.pivot
+        return Motion(np.arange(float(self.room)), keys[:, :3], keys[:, 3:], pivot=pivot)
+
+    def _own(self) -> Motion:
+        """The scene's motion, from where a hand has left the obstacle."""
+        motion = self.original.motion
+        if motion is not None:
+            at = self.place
+            motion = replace(motion, positions=motion.positions + at[:3], rotations=motion.rotations + at[3:])
+        return self._resting(self.place) if motion is None or not motion.moves else motion
+
+    def _led(self, times: np.ndarray, begin: np.ndarray) -> Motion:
+        """The scene's motion at these times with a hand's besides; a loop that ends as it began turns on."""
+        motion = self.original.motion
+        keys = np.stack([self._scene(time) for time in times]) + np.linspace(begin, self.place, len(times))
+        if motion is not None and motion.loop:
+            first, last = motion.rotations[0], motion.rotations[-1]
+            rounds = np.floor(times / motion.times[-1])
+            if np.allclose(rotation_matrix(first), rotation_matrix(last), atol=1e-6):
+                keys[:, 3:] += np.outer(rounds - rounds[0], last - first)
+        return Motion(times, keys[:, :3], keys[:, 3:], pivot=None if motion is None else motion.pivot)
 
     def _scene(self, time: float) -> np.ndarray:
         motion = self.original.motion
@@ -104,7 +126,7 @@ class Stage:
         known = self.led if keep else {}
         leading = {item.name: known.get(item.name) or LedObstacle(item) for item in built.obstacles if _leadable(item)}
         for item in leading.values():
-            item.start()
+            item.rest(self.simulation.time if keep else 0.0)
         obstacles = [leading[item.name].obstacle if item.name in leading else item for item in built.obstacles]
         built = replace(built, cloths=cloths, obstacles=obstacles)
         model = make_model([built])
@@ -206,16 +228,22 @@ class Stage:
         """Writes the obstacles' ways for the next frame where captured frames find them."""
         if not self.led:
             return
-        time, tracks = self.simulation.time, self.simulation.model.tracks
-        first = int(tracks.start.numpy()[self.tracks])
-        times, positions, rotations = (a.numpy().copy() for a in (tracks.times, tracks.positions, tracks.rotations))
+        tracks = self.simulation.model.tracks
+        starts = tracks.start.numpy()[self.tracks :]
+        names = ("times", "positions", "rotations", "loop", "smooth")
+        rows = {name: getattr(tracks, name).numpy().copy() for name in names}
         for number, item in enumerate(self.led.values()):
-            row = slice(first + 2 * number, first + 2 * number + 2)
-            ends = np.stack(item.keys(time, dt))
-            times[row], positions[row], rotations[row] = (time, time + dt), ends[:, :3], ends[:, 3:]
-        tracks.times.assign(times)
-        tracks.positions.assign(positions)
-        tracks.rotations.assign(rotations)
+            motion = item.follow(self.simulation.time, dt)
+            begin, end = starts[number : number + 2]
+            spare = int(end - begin) - len(motion.times)
+            early = np.arange(-spare, 0.0)  # the first pose, before it: the last key of a loop tells its period
+            rows["times"][begin:end] = np.concatenate([motion.times[0] + early, motion.times])
+            rows["positions"][begin:end] = np.pad(motion.positions, ((spare, 0), (0, 0)), mode="edge")
+            rows["rotations"][begin:end] = np.pad(motion.rotations, ((spare, 0), (0, 0)), mode="edge")
+            rows["loop"][self.tracks + number] = motion.loop
+            rows["smooth"][self.tracks + number] = motion.interpolation == "smooth"
+        for name, values in rows.items():
+            getattr(tracks, name).assign(values)
 
 
 def _leadable(obstacle: Obstacle) -> bool:
