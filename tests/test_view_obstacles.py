@@ -12,7 +12,6 @@ from warpcloth.view.session import Session
 from warpcloth.view.settings import Settings
 from warpcloth.view.stage import LedObstacle, Stage
 
-
 PADDLE = """
 [[obstacle]]
 name = "paddle"
