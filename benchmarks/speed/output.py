@@ -63,8 +63,8 @@ def _run(n: int, frames: int) -> tuple[float, float, int]:
                 sim.step(DT)
                 wp.synchronize_device(sim.model.device)
                 stepped = time.perf_counter()
-                values = (sim.state.particle_q.numpy(), sim.state.particle_qd.numpy())
-                writer.write(frame, *({cloth.name: value} for value in values))
+                points, velocities = sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()
+                writer.write(frame, {cloth.name: points}, {cloth.name: velocities})
                 step, write = step + stepped - begun, write + time.perf_counter() - stepped
             begun = time.perf_counter()
         return step, write + time.perf_counter() - begun, path.stat().st_size

@@ -106,6 +106,8 @@ class Stage:
             likewise.
     """
 
+    simulation: Simulation
+
     def __init__(self, scene: Scene, settings: Settings):
         self.scene, self.settings = scene, settings
         self.fps = float(scene.fps)
