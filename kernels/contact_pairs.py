@@ -230,7 +230,6 @@ def find_pairs(
     margin: wp.float64,
     cloth_particles: int,
     leeway: wp.float64,
-    foreseen: wp.float32,
     # Out
     pairs_out: Pairs,
 ):
@@ -238,6 +237,7 @@ def find_pairs(
 
     One triangle of the two must be active. The triangles' ways hold at least half the margin.
     """
+    stray = wp.where(leeway < wp.float64(1.0), wp.float32(leeway), wp.float32(0.0))
     for n in range(thread_offset + wp.tid(), length_of(candidates), stride):
         pair = pair_at(candidates.pair, n)
         t = pair[0]
@@ -246,7 +246,7 @@ def find_pairs(
             continue
         if (int_at(tri_active, t) | int_at(tri_active, u)) == 0:
             continue
-        if may_meet(way[t], way[u], foreseen):
+        if may_meet(way[t], way[u], stray):
             add_features(
                 t, u, tri_indices, tri_owned, particle_body, particle_radius, particle_rest, particle_from,
                 particle_to, margin, cloth_particles, leeway, pairs_out,

@@ -7,6 +7,7 @@ from warpcloth.scenes import scene_from_toml
 
 import warpcloth as wc
 from warpcloth.errors import InputError, SceneError
+from warpcloth.fabric import STANDARD_GRAVITY
 from warpcloth.forces import AirDrag, Forces, Linearization
 from warpcloth.load_rates import load_rates
 from warpcloth.state import State
@@ -235,6 +236,6 @@ def test_the_rate_of_the_air_is_the_slope_of_its_force():
     """A sheet that falls flat: 2 C_n ½ ρ A |u|/m at the speed of the wind, on every particle alike."""
     fabric = wc.Fabric(areal_density=0.2)
     model = wc.Model.build(wc.Cloth.grid((0.4, 0.4), (9, 9), fabric), precision="float64")
-    fall = np.sqrt(2.0 * 9.81 * 0.4)
+    fall = np.sqrt(2.0 * STANDARD_GRAVITY * 0.4)
     expected = 1.2 * (10.0 + fall) * float(model.tri_air_drag.numpy().max()) / 0.2
     assert load_rates(model, [wc.Air(density=1.2, wind=(0.0, 0.0, 10.0))])[1] == pytest.approx(expected, rel=1e-6)

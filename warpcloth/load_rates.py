@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from .air import Air
+from .fabric import STANDARD_GRAVITY
 from .model import Model
 
-GRAVITY = 9.81  # [m/s²]
 STRONG = 3.0  # times its root mean square turbulence is hardly stronger
 
 
@@ -52,7 +52,7 @@ def _air_rate(model: Model, airs: Sequence[Air], area: np.ndarray) -> float:
     x, v = model.particle_q.numpy().astype(np.float64), model.particle_qd.numpy().astype(np.float64)
     strength = np.zeros(model.world_count)
     for w, air in enumerate(airs):
-        fall = 2.0 * GRAVITY * float(np.ptp(x[world == w], axis=0).max(initial=0.0))
+        fall = 2.0 * STANDARD_GRAVITY * float(np.ptp(x[world == w], axis=0).max(initial=0.0))
         speed = float(np.linalg.norm(air.wind)) * (1.0 + air.gust) + STRONG * air.turbulence
         speed += math.sqrt(float(np.sum(v[world == w] ** 2, axis=1).max(initial=0.0)) + fall)
         strength[w] = air.density * speed

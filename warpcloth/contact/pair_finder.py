@@ -71,7 +71,7 @@ class PairFinder:
         others = [self.tri_active, margin, surface.cloth_particles, leeway]
         self._launch(
             self.kernels.contact_pairs.find_pairs, self.width,
-            [*mesh, self.width, self.known, start, end, self.way, *others, stray],
+            [*mesh, self.width, self.known, start, end, self.way, *others],
             [target.pairs],
         )  # fmt: skip
         self._launch(

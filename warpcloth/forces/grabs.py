@@ -81,13 +81,14 @@ class Grabs:
         if self._idle and not busy:
             return
         self._idle = not busy
+        clocks = state.world_time.numpy()
         stiffness, damping, begun = np.zeros(SLOTS), np.zeros(SLOTS), np.zeros(SLOTS)
         particles, weights = np.zeros((SLOTS, 3), np.int32), np.zeros((SLOTS, 3))
         for slot, hold in enumerate(self.holds):
             if hold is not None:
                 particles[slot], weights[slot] = hold.particles, hold.weights
                 stiffness[slot], damping[slot] = self._carried(hold, step)
-                begun[slot] = state.world_time.numpy()[self._world[hold.particles[0]]]
+                begun[slot] = clocks[self._world[hold.particles[0]]]
         self._grabs.particles.assign(particles)
         self._grabs.weights.assign(weights)
         self._grabs.stiffness.assign(stiffness)

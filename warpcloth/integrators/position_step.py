@@ -9,6 +9,8 @@ import numpy as np
 import warp as wp
 
 from .. import validate
+from ..cloth.springs import triangle_areas
+from ..fabric import STANDARD_GRAVITY
 from ..forces import Forces
 from ..kinematics import drive_pins
 from ..launching import fill, launch
@@ -22,7 +24,6 @@ MAX_ITERATIONS = 100_000
 # Cotton of 41² vertices that hung by its edge went on swinging at 0.2 to 0.7 m/s in steps of 8 ms, with 32 sweeps and
 # with 100; in steps of 6 ms it came to rest.
 MOST_SWEEPS = 16
-STANDARD_GRAVITY = 9.80665  # [m/s²]
 
 
 class PositionStep(Integrator):
@@ -172,8 +173,7 @@ def inflation_load(model: Model, cloth: ClothRange) -> float:
     bag = int(model.tri_bag.numpy()[own].max(initial=-1))
     if bag < 0:
         return 0.0
-    a, b, c = model.particle_q.numpy().astype(np.float64)[model.tri_indices.numpy()[own]].swapaxes(0, 1)
-    area = float(np.linalg.norm(0.5 * np.cross(b - a, c - a), axis=1).sum())
+    area = float(triangle_areas(model.particle_q.numpy().astype(np.float64), model.tri_indices.numpy()[own]).sum())
     mass = float(model.particle_mass.numpy()[cloth.start : cloth.stop].sum())
     return abs(float(model.bags["pressure"][bag])) * area / mass
 
