@@ -159,3 +159,25 @@ def test_the_rate_of_a_gas_is_that_of_its_breathing():
     stiff, damped = load_rates(model)
     assert stiff == pytest.approx(ambient * ball.area**2 / (ball.volume * mass), rel=0.02)
     assert damped == 0.0
+
+
+def test_the_rate_of_a_given_pressure_bounds_how_its_forces_turn():
+    """Against the slope of the forces by differences: no less than its largest eigenvalue, and not many times more."""
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.2)
+    model = wc.Model.build(wc.Cloth.from_mesh(ball, LIGHT, springs="woven", inflation=wc.Inflation(50.0)),
+                           precision="float64")  # fmt: skip
+    state, term, h = State.of(model), Pressure(model), 1e-6
+    forces = Forces(model, [term], model.array(np.zeros((1, 3)), model.vec3))
+    x, columns = state.particle_q.numpy().ravel(), []
+    for k in range(len(x)):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = x.copy()
+            moved[k] += sign * h
+            state.particle_q.assign(moved.reshape(-1, 3))
+            forces.evaluate(state)
+            ends.append(state.particle_f.numpy().ravel().copy())
+        columns.append((ends[0] - ends[1]) / (2.0 * h))
+    root = np.sqrt(np.repeat(model.particle_mass.numpy(), 3))
+    fastest = np.abs(np.linalg.eigvals(np.array(columns) / np.outer(root, root))).max()
+    assert fastest < load_rates(model)[0] < 6.0 * fastest
