@@ -10,8 +10,9 @@ import warp as wp
 
 from .closest import combine, pair_weights, time_of_impact
 from .contact_pairs import Contacts, Pairs, put_contact, weights_of, wide
-from .contact_response import KICK_UNIT, MOVE_UNIT, add_fixed, add_share, crowd, effective_mobility, relative_motion
+from .contact_response import crowd, effective_mobility, relative_motion
 from .counting import count_up
+from .fixed_sums import KICK_UNIT, MOVE_UNIT, add_fixed, add_share
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import MESH, Placement, Shapes, distance, to_local, to_world
 

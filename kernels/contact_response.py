@@ -5,42 +5,17 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights
+from .contact_padding import FurtherPasses, Padding, add_lack, earn_pass, padding_between, takes_part
 from .contact_pairs import Contacts, Pairs, narrow, put_contact, weights_of, wide
-from .counting import add_whole, add_whole_at
+from .fixed_sums import KICK_UNIT, MOVE_UNIT, SHARE_UNIT, add_fixed, add_share, from_fixed
 from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
-# Sums over pairs are taken in fixed point: integers add up to the same whatever the order of the pairs, so the result
-# depends neither on the tree's shape, nor on the other worlds, nor on the device's threads.
-MOVE_UNIT = wp.constant(wp.float64(2.0**50))  # per metre: up to 8 km by 1e-15 m
-KICK_UNIT = wp.constant(wp.float64(2.0**40))  # per m/s: up to 8e6 m/s by 1e-12 m/s
-
 # [s] in which contacts give back depth that no velocity has brought them. All of it at once puts energy into cloth
 # that is hit: with steps of 18 µs sheets gained a third of what they had, with this they lose as much as they should.
 RECOVERY = wp.constant(wp.float64(5.0e-4))
-SHARE_UNIT = wp.constant(wp.float64(2.0**40))
-
-
-@wp.func
-def add_fixed(sums_out: wp.array2d(dtype=wp.int64), i: int, x: wp.vec3d, unit: wp.float64):
-    """Adds x to row i."""
-    for m in range(3):
-        add_whole_at(sums_out, i, m, wp.int64(wp.round(unit * x[m])))
-
-
-@wp.func
-def from_fixed(sums: wp.array2d(dtype=wp.int64), i: int, unit: wp.float64):
-    """Row i as a vector."""
-    return wp.vec3d(wp.float64(sums[i, 0]), wp.float64(sums[i, 1]), wp.float64(sums[i, 2])) / unit
-
-
-@wp.func
-def add_share(share_out: wp.array(dtype=wp.int64), i: wp.vec4i, w: wp.vec4d):
-    """Adds the weights' magnitudes to the sums of the four particles."""
-    for m in range(4):
-        add_whole(share_out, i[m], wp.int64(wp.round(SHARE_UNIT * wp.abs(w[m]))))
 
 
 @wp.func
@@ -79,13 +54,20 @@ def find_contacts(
     stride: int,
     # State in
     particle_q: wp.array(dtype=vec3),
+    padding: Padding,
     # Out
     contacts_out: Contacts,
     share_out: wp.array(dtype=wp.int64),
+    further_out: FurtherPasses,
 ):
-    """Which pairs are closer than their contact distance: weights, normal, depth [m]; and Σ |weight| per particle."""
+    """Which pairs are closer than their contact distance and padding: weights, normal, depth [m]; and Σ |weight| per
+    particle. And whether these need more passes than the present one."""
     for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
+        world = padding.world[i[0]]
+        if not takes_part(further_out, world, contacts_out.depth[k], pairs.distance[k]):
+            contacts_out.depth[k] = wp.min(contacts_out.depth[k], real(0.0))
+            continue
         x0 = wide(particle_q[i[0]])
         x1 = wide(particle_q[i[1]])
         x2 = wide(particle_q[i[2]])
@@ -103,9 +85,11 @@ def find_contacts(
                 n = -d / length
             else:
                 n = d / length
-        depth = distance - wp.dot(d, n)
+        padded = padding_between(padding, pairs.kind[k], i, w, distance)
+        depth = distance + padded - wp.dot(d, n)
         contacts_out.depth[k] = real(depth)
         if depth > zero:
+            earn_pass(further_out, world, padded, distance)
             put_contact(contacts_out, k, w, n)
             add_share(share_out, i, w)
 
@@ -136,9 +120,11 @@ def push_contacts(
     dt: wp.float64,
     contacts: Contacts,
     share: wp.array(dtype=wp.int64),
+    padding: Padding,
     # Out
     move_out: wp.array2d(dtype=wp.int64),
     kick_out: wp.array2d(dtype=wp.int64),
+    lack_out: wp.array(dtype=wp.int64),
 ):
     """Positions leave the contact; velocities lose what brought them there; friction acts within Coulomb's cone.
 
@@ -151,6 +137,9 @@ def push_contacts(
     the shorter the steps: to 60 times their energy with steps of 14 µs.) Friction takes up to μ times the push from
     the tangential motion. (Measured on a pile of four sheets at rest, root mean square velocity that the positions do
     not have: 0.12 m/s with the part of the approach instead, 0.012 m/s so.)
+
+    ``lack``, unless it is empty, gets the sum over a particle's pairs of what these lacked of their distance when the
+    step began [m], where both sides are cloth.
     """
     for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         depth = wp.float64(contacts.depth[k])
@@ -173,10 +162,43 @@ def push_contacts(
         kick = (stop * n - rubbed(carried, n, friction * stop, part)) / (effective * dt)
         out = push + wp.min(dt / RECOVERY, wp.float64(1.0)) * (depth_share - push)
         move = (out * n - rubbed(moved, n, friction * push, part)) / effective
+        add_lack(lack_out, padding, particle_start, i, w, n, wp.float64(pairs.distance[k]))
         for m in range(4):
             c = w[m] * wp.float64(particle_inv_mass[i[m]])
             add_fixed(move_out, i[m], c * move, MOVE_UNIT)
             add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
+
+
+@wp.kernel
+def stand(
+    # Model
+    thread_offset: int,
+    dt: real,
+    # State in
+    support: wp.array(dtype=vec3),
+    particle_start: wp.array(dtype=vec3),
+    particle_speed: wp.array(dtype=vec3),
+    particle_end: wp.array(dtype=vec3),
+    # Out
+    particle_q_out: wp.array(dtype=vec3),
+    particle_free_out: wp.array(dtype=vec3),
+):
+    """The ends of particles as pairs are to see them: what an obstacle held up in the last step it holds in this one.
+
+    Its normal there is ``support``, unit or zero, and particles that stand on it go on with their normal velocity of
+    the step's start. Obstacles answer after contact among cloths; unless that knows of them, the whole of a pile sinks
+    in each pass and only its lowest layer is put back, which two passes or eight then press together alike.
+    """
+    i = thread_offset + wp.tid()
+    x = particle_end[i]
+    n = support[i]
+    if wp.dot(n, n) > real(0.0):
+        start = particle_start[i]
+        free = particle_free_out[i]
+        least = dt * wp.dot(particle_speed[i], n)
+        x += wp.max(least - wp.dot(x - start, n), real(0.0)) * n
+        particle_free_out[i] = free + wp.max(least - wp.dot(free - start, n), real(0.0)) * n
+    particle_q_out[i] = x
 
 
 @wp.kernel

@@ -89,10 +89,12 @@ def resolve(
 
 @wp.struct
 class Pass:
-    """What one look at one obstacle made of a particle's motion, and whether another look may change it again."""
+    """What one look at one obstacle made of a particle's motion, whether another look may change it again, and the
+    obstacle's normal if it held the particle up, else zero."""
 
     motion: Motion
     again: wp.int32
+    support: vec3
 
 
 @wp.func
@@ -109,9 +111,18 @@ def answer(
         result.motion = resolve(
             x0, v0, now, n, carried, dt, hit.gap, hit.start_gap, slop, friction, restitution, given
         )  # fmt: skip
+        if wp.dot(result.motion.v - now.v + given, n) > real(0.0):
+            result.support = n
         if hit.gap <= -slop:
             result.again = 1
     return result
+
+
+@wp.func
+def hold(support_out: wp.array(dtype=vec3), i: int, normal: vec3):
+    """Notes what held a particle up, where anybody wants to know."""
+    if support_out.shape[0] > 0:
+        support_out[i] = normal
 
 
 @wp.kernel(enable_backward=False)
@@ -134,6 +145,7 @@ def respond(
     clear_of: wp.array(dtype=vec3),
     clearance: wp.array(dtype=real),
     # Out
+    support_out: wp.array(dtype=vec3),
     particle_q_out: wp.array(dtype=vec3),
     particle_qd_out: wp.array(dtype=vec3),
 ):
@@ -141,6 +153,7 @@ def respond(
 
     ``impulse`` [m/s] of obstacle ``impulse_shape``, unless that is −1, is already in the velocities. Particles that
     have been within ``clearance`` of ``clear_of`` all the while have met nothing; see ``obstacle_clearance.py``.
+    ``support``, unless it is empty, gets the normal of an obstacle that held the particle up, or zero.
     """
     i = thread_offset + wp.tid()
     free = real_at(clearance, i)
@@ -150,7 +163,9 @@ def respond(
     now.x = vector_at(particle_q_out, i)
     clear = wp.length(x - here) < free and wp.length(now.x - here) < free
     if real_at(particle_inv_mass, i) == real(0.0) or (clear and int_at(impulse_shape, i) < 0):
+        hold(support_out, i, vec3())
         return
+    support = vec3()
     w = particle_world[i]
     v = vector_at(particle_qd, i)
     now.v = vector_at(particle_qd_out, i)
@@ -170,8 +185,11 @@ def respond(
             )  # fmt: skip
             now = answered.motion
             given = vec3()
+            if wp.dot(answered.support, answered.support) > real(0.0):
+                support = answered.support
             if answered.again == 0:
                 break
+    hold(support_out, i, support)
     put(particle_q_out, i, now.x)
     put(particle_qd_out, i, now.v)
 

@@ -289,7 +289,7 @@ def test_where_parting_does_not_end_cloth_is_carried_by_what_moves(shape, monkey
         "box": wc.Box((0, 0, -0.15), (0.2, 0.15, 0.1), motion=turning),
         "sphere": wc.Sphere((0, 0, -0.15), 0.1, motion=turning),
     }[shape]
-    upper = sheet("upper", 10, transform=tilted(0.03, 0.4), velocity=(0, 0, -6))
+    upper = sheet("upper", 10, transform=tilted(0.03, 0.4), velocity=(0, 0, -10))
     sim = touching(wc.Model.build([sheet("lower", 12), upper], obstacle), "xpbd", (0, 0, 0), 30)
     assert_never_intersects(sim, 20)
     found = sim.metrics()

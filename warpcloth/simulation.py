@@ -112,8 +112,8 @@ class Simulation:
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other = self.state.twin()
-        hooked = [item for hook in self.hooks for item in hook.memory()]
-        self._memory = [*self.integrator.memory(), *self.forces.memory(), *hooked]
+        self._remembering = self.integrator, self.forces, self.contact
+        self._memory = [item for part in (*self._remembering, *self.hooks) for item in part.memory()]
         self._backup = Backup(self.state, self._memory)
         self._auto = isinstance(substeps, str)
         self._auto_step = 0.0
@@ -278,7 +278,7 @@ class Simulation:
             worlds: of which worlds of ``other`` this model has the cloths and obstacles, in rising order.
         """
         keep = list(worlds)
-        for mine, theirs in ((self.integrator, other.integrator), (self.forces, other.forces)):
+        for mine, theirs in zip(self._remembering, other._remembering, strict=True):
             # What a scheme or a force keeps may be in fewer arrays here: the last ones were of other worlds.
             take_worlds(self.state, mine.memory(), other.model, other.state, theirs.memory(), keep)
         self.time, self.substeps, self._auto_step = other.time, other.substeps, other._auto_step

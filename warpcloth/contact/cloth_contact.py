@@ -15,7 +15,7 @@ from ..errors import DivergedError
 from ..launching import copy, fill, launch, only_if, repeat_while
 from ..model import Model
 from ..obstacles import Obstacle
-from ..state import State
+from ..state import Memory, State
 from ..surface import Surface, world_edges
 from .hold import Hold
 from .intervals import intervals_needed
@@ -36,22 +36,29 @@ CLEARANCE = 0.3  # share of its contact distance at which a pair that would have
 class ClothContact:
     """Contact among all cloths and mesh obstacles of each world.
 
+    Args:
+        model: the model.
+        support: per particle the normal of an obstacle that held it up in the step before, or zero; the response of
+            particles to obstacles keeps it.
+
     Attributes:
         pairs: those that are near, for the response; at the end of an interval those that may meet, for the guard.
         counts: how many particles the guard has held back, and how many pairs it could not keep apart as neither side
             was free to stop; since the beginning.
     """
 
-    def __init__(self, model: Model):
-        self.model = model
+    def __init__(self, model: Model, support: wp.array):
+        self.model, self._support = model, support
         self.kernels = model.kernels
-        self.surface = Surface(model)
-        n, tris, device = self.surface.particle_count, self.surface.tri_count, model.device
+        self.surface = surface = Surface(model)
+        n, tris, device = surface.particle_count, surface.tri_count, model.device
         self._worlds = self._edges_and_obstacles()
         self.pairs = PairList(model, max(64, tris // 2))
         self.start, self.before, self.now, self.free = (self.surface.positions() for _ in range(4))
         self.move, self.kick = (wp.zeros((n, 3), dtype=wp.int64, device=device) for _ in range(2))
-        self.share = wp.zeros(n, dtype=wp.int64, device=device)
+        self.share, self.lack = (wp.zeros(n, dtype=wp.int64, device=device) for _ in range(2))
+        self._no_lack = wp.zeros(0, dtype=wp.int64, device=device)
+        self._pad(surface)
         self.torn = wp.zeros(model.world_count, dtype=wp.int32, device=device)
         self.impacts, self.remaining, self.rounds = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(3))
         self.counts, self.counts_before = (wp.zeros(4, dtype=wp.int32, device=device) for _ in range(2))
@@ -88,10 +95,16 @@ class ClothContact:
         copy(self.before, state_in.particle_q, count=model.particle_count)
         surface.place(state_out.particle_q, model.shapes.end, self.now)
         copy(self.free, self.now)
-        for _ in range(PASSES):
-            self._push_apart(dt)
-            self._commit(state_out, dt)
-            copy(self.now, state_out.particle_q, count=model.particle_count)
+        fill(self.further.number)
+        fill(self.further.another)
+        for number in range(PASSES):
+            self._pass(state_in, state_out, dt, first=number == 0)
+        repeat_while(self.further.another, lambda: self._further_pass(state_in, state_out, dt))
+
+    def memory(self) -> list[Memory]:
+        """What is kept from step to step."""
+        particles = np.arange(self.model.particle_count)
+        return [Memory(self.padding.length, particles), Memory(self._support, particles)]
 
     def end(self, state: State, span: float) -> None:
         """Ends an interval of ``span`` [s] at ``state``: holds back what would have passed through cloth."""
@@ -144,6 +157,20 @@ class ClothContact:
         names = ("contact_held", "contact_pinched", "contact_impacts", "contact_rounds")
         return dict(zip(names, self.counts.numpy().tolist(), strict=True))
 
+    def _pad(self, surface: Surface) -> None:
+        """Memory for padding, none at first, and for the passes that it earns (``kernels/contact_padding.py``)."""
+
+        def numbers(count: int, dtype: type = wp.int32) -> wp.array:
+            return wp.zeros(count, dtype=dtype, device=self.model.device)
+
+        self.padding = self.kernels.contact_padding.Padding()
+        self.padding.length = numbers(surface.cloth_particles, self.model.real)
+        self.padding.radius, self.padding.rest = surface.radius, surface.rest
+        self.padding.body, self.padding.world = surface.body, surface.world
+        self.further = self.kernels.contact_padding.FurtherPasses()
+        self.further.number, self.further.another = numbers(1), numbers(1)
+        self.further.world_now, self.further.world_next = (numbers(self.model.world_count) for _ in range(2))
+
     def _edges_and_obstacles(self) -> list[tuple[float, list[Obstacle]]]:
         """Of each world with cloth: the shortest of its cloths' median edges [m], and its obstacles."""
         obstacles = self.model.shapes.obstacles
@@ -187,22 +214,38 @@ class ClothContact:
         )  # fmt: skip
         copy(self.now, state.particle_q, count=self.model.particle_count)
 
-    def _push_apart(self, dt: float) -> None:
-        """What all contacts at once ask for, on the way from ``before`` to ``now`` of dt [s]."""
+    def _pass(self, state_in: State, state_out: State, dt: float, first: bool = False) -> None:
+        """What all contacts at once ask for on the way of a step; the ``first`` looks what pairs lack at its start."""
         near, surface, kernels = self.pairs, self.surface, self.kernels.contact_response
+        count = self.model.particle_count
+        self._launch(
+            kernels.stand, count,
+            [dt, self._support, state_in.particle_q, state_in.particle_qd, state_out.particle_q],
+            [self.now, self.free],
+        )  # fmt: skip
         self._launch(
             kernels.find_contacts, self.width,
-            [near.pairs, self.width, self.now],
-            [near.contacts, self.share],
+            [near.pairs, self.width, self.now, self.padding],
+            [near.contacts, self.share, self.further],
         )  # fmt: skip
+        lack = self.lack if first else self._no_lack
         self._launch(
             kernels.push_contacts, self.width,
             [
                 surface.inv_mass, surface.friction, near.pairs, self.width, self.before, self.now, self.free, dt,
-                near.contacts, self.share,
+                near.contacts, self.share, self.padding,
             ],
-            [self.move, self.kick],
+            [self.move, self.kick, lack],
         )  # fmt: skip
+        if first:
+            adapt = self.kernels.contact_padding.adapt_padding
+            self._launch(adapt, count, [dt, self.share], [self.padding, self.lack])
+        self._commit(state_out, dt)
+
+    def _further_pass(self, state_in: State, state_out: State, dt: float) -> None:
+        """One more for worlds whose padding has earned it; such passes go on while there are any."""
+        self._launch(self.kernels.contact_padding.begin_pass, self.model.world_count, [], [self.further])
+        self._pass(state_in, state_out, dt)
 
     def _commit(self, state: State, dt: float) -> None:
         self._launch(

@@ -14,13 +14,18 @@ class ObstacleResponse:
     Args:
         model: the model.
         support: what obstacles already do within the step; None: nothing.
+        remembers: whether ``holds`` is kept.
+
+    Attributes:
+        holds: per particle the unit normal of an obstacle that held it up in the last step, or zero; may be empty.
     """
 
-    def __init__(self, model: Model, support: ObstacleSupport | None = None):
+    def __init__(self, model: Model, support: ObstacleSupport | None = None, remembers: bool = False):
         self.model = model
         none = wp.full(model.particle_count, -1, dtype=wp.int32, device=model.device)
         self._shape = none if support is None else support.shape
         self._impulse = wp.zeros_like(model.particle_q) if support is None else support.impulse
+        self.holds = wp.zeros(model.particle_count if remembers else 0, dtype=model.vec3, device=model.device)
         self._clear_of = wp.zeros_like(model.particle_q)
         self._clearance = wp.zeros(model.particle_count, dtype=model.real, device=model.device)
 
@@ -52,6 +57,6 @@ class ObstacleResponse:
                 shapes.shapes, state_in.particle_q, state_in.particle_qd, shapes.start, shapes.end, dt,
                 self._impulse, self._shape, self._clear_of, self._clearance,
             ],
-            outputs=[state_out.particle_q, state_out.particle_qd],
+            outputs=[self.holds, state_out.particle_q, state_out.particle_qd],
             device=model.device,
         )  # fmt: skip

@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 from ..model import Model
-from ..state import State
+from ..state import Memory, State
 from .cloth_contact import ClothContact
 from .obstacle_response import ObstacleResponse
 from .obstacle_support import ObstacleSupport
@@ -31,8 +31,9 @@ class ContactStage:
         self.model = model
         within = share > 0.0 and contact != "none" and model.shapes.count > 0
         self.support = ObstacleSupport(model, share) if within else None
-        self.obstacles = ObstacleResponse(model, self.support) if contact != "none" else None
-        self.cloths = ClothContact(model) if contact == "all" and model.tri_count > 0 else None
+        among = contact == "all" and model.tri_count > 0
+        self.obstacles = ObstacleResponse(model, self.support, among) if contact != "none" else None
+        self.cloths = ClothContact(model, self.obstacles.holds) if among and self.obstacles is not None else None
 
     @property
     def acts(self) -> bool:
@@ -87,6 +88,10 @@ class ContactStage:
         """After the last substep of an interval of ``span`` [s]."""
         if self.cloths is not None:
             self.cloths.end(state, span)
+
+    def memory(self) -> list[Memory]:
+        """What is kept from step to step."""
+        return [] if self.cloths is None else self.cloths.memory()
 
     def remember(self) -> None:
         """Before a frame."""

@@ -1,0 +1,110 @@
+"""Layers at rest on each other keep their thickness, and what contact remembers for that belongs to its world."""
+
+import numpy as np
+import pytest
+
+import warpcloth as wc
+from warpcloth.cloth import Cloth
+
+COTTON = wc.library_fabric("cotton")
+FLOOR = wc.Plane(thickness=0.001)
+FRAME = 1.0 / 60.0
+
+
+def stack(count: int) -> list[Cloth]:
+    """Sheets on the floor, each a thickness above the one below."""
+    lowest, step = FLOOR.thickness + 0.5 * COTTON.thickness, COTTON.thickness
+    places = [(0.0, 0.0, lowest + k * step) for k in range(count)]
+    return [wc.Cloth.grid((0.15, 0.15), (7, 7), COTTON, name=f"{k}", transform=x) for k, x in enumerate(places)]
+
+
+def resting(worlds: list, integrator: str = "xpbd", **options) -> wc.Simulation:
+    return wc.Simulation(wc.Model.build_worlds(worlds), integrator, contact="all", **options)
+
+
+def gaps(sim: wc.Simulation, count: int) -> np.ndarray:
+    """Between neighbours in a stack, in the mean over vertices and in thicknesses."""
+    heights = sim.state.particle_q.numpy()[:, 2].reshape(count, -1).mean(axis=1)
+    return np.diff(heights) / COTTON.thickness
+
+
+def bits(sim: wc.Simulation, world: int = 0) -> bytes:
+    own = sim.model.particle_world.numpy() == world
+    return b"".join(array.numpy()[own].tobytes() for array in (sim.state.particle_q, sim.state.particle_qd))
+
+
+@pytest.mark.parametrize("integrator", ["xpbd", "implicit_euler", "vbd"])
+def test_sheets_at_rest_keep_their_thickness(integrator):
+    """With automatic substeps; two passes in each step, and a floor that these know nothing of, left 0.1 to 0.2."""
+    sim = resting([(stack(5), [FLOOR])], integrator)
+    sim.run(60)
+    assert gaps(sim, 5).min() > 0.85
+    assert gaps(sim, 5).max() < 1.1
+    assert sim.settled
+
+
+@pytest.mark.parametrize("substeps", [8, 16, 40])
+def test_the_thickness_of_a_stack_does_not_depend_on_substeps(substeps):
+    sim = resting([(stack(4), [FLOOR])], substeps=substeps)
+    sim.run(60)
+    np.testing.assert_allclose(gaps(sim, 4), 1.0, atol=0.05)
+
+
+def test_what_is_no_longer_pressed_loses_its_padding():
+    sim = resting([(stack(4), [FLOOR])])
+    sim.run(30)
+    padding = sim.contact.cloths.padding.length.numpy().copy()
+    assert padding.max() > 0.1 * COTTON.thickness
+    q = sim.state.particle_q.numpy()
+    q[:, 2] += np.repeat(0.1 * np.arange(4), 49)  # far apart
+    sim.state.particle_q.assign(q)
+    sim.step(FRAME)
+    assert sim.contact.cloths.padding.length.numpy().max() < 0.75 * padding.max()
+
+
+def test_a_stack_that_is_reset_repeats_itself():
+    sim = resting([(stack(4), [FLOOR])])
+    sim.run(10)
+    first = bits(sim)
+    sim.reset()
+    assert sim.contact.cloths.padding.length.numpy().max() == 0.0
+    sim.run(10)
+    assert bits(sim) == first
+
+
+def test_stacks_need_passes_of_their_own_world_only():
+    """A pile beside it changes no bit of a pair of sheets, in a model of both and when it goes on alone."""
+    low, high = (stack(2), [FLOOR]), (stack(6), [FLOOR])
+    alone, both = resting([low], substeps=10), resting([high, low], substeps=10)
+    for sim in (alone, both):
+        sim.run(12)
+    assert bits(both, 1) == bits(alone)
+    left = resting([high], substeps=10)
+    left.continue_from(both, [0])
+    for sim in (left, both):
+        sim.run(6)
+    assert bits(left) == bits(both)
+
+
+def test_frames_done_again_begin_with_the_same_padding():
+    roomy, short = resting([(stack(4), [FLOOR])]), resting([(stack(4), [FLOOR])])
+    for sim in (roomy, short):
+        sim.run(10)
+    short.contact.cloths.pairs._allocate(16)
+    short._frames.forget()
+    for sim in (roomy, short):
+        sim.run(2)
+    assert short.contact.cloths.pairs.capacity > 16
+    assert bits(short) == bits(roomy)
+
+
+def test_padding_does_not_drive_a_sheet_apart():
+    """Vertices of fine cloth are nearer each other than it is thick: padding is for what is farther apart at rest."""
+    thick = wc.Fabric(thickness=0.01)
+    sim = wc.Simulation(
+        wc.Model.build(wc.Cloth.grid((0.05, 0.05), (11, 11), thick)), gravity=(0, 0, 0), substeps=10, contact="all"
+    )
+    start = sim.state.particle_q.numpy().copy()
+    sim.contact.cloths.padding.length.fill_(0.02)
+    sim.step(FRAME)
+    np.testing.assert_allclose(sim.state.particle_q.numpy(), start, atol=1e-6)
