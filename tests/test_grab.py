@@ -141,6 +141,33 @@ def test_a_stiff_grab_does_not_blow_up_a_coarse_step():
     assert np.abs(simulation.state.particle_q.numpy()).max() < 2.0
 
 
+@pytest.mark.parametrize("integrator", ["xpbd", "vbd", "symplectic_euler", "velocity_verlet", "rk4", "forward_euler"])
+def test_many_hands_on_one_place_do_not_blow_it_up(integrator):
+    """They share what the particles can carry, be they held alone or in a triangle."""
+    cloth = wc.Cloth.grid((0.5, 0.5), (12, 12), pins="left")
+    simulation = wc.Simulation(wc.Model.build(cloth, device="cpu"), integrator)
+    start = cloth.points[70]
+    hands = [simulation.grab(70) for _ in range(8)]
+    hands += [simulation.grab((start + np.array([0.004, 0.003 + 1e-4 * k, 1.0]), (0.0, 0.0, -1.0))) for k in range(8)]
+    for k in range(30):
+        for hand in hands:
+            hand.move(start + np.array([0.0, 0.0, 0.005 * k]))
+        simulation.step(DT)
+    assert simulation.metrics()["max_speed"] < 6.0  # it swings with some 3 m/s
+    assert np.linalg.norm(hands[0].point - hands[0].target) < 0.1
+
+
+@pytest.mark.parametrize("integrator", ["bogacki_shampine", "dormand_prince"])
+def test_schemes_that_choose_their_steps_have_the_stiffness_asked_for(integrator):
+    """They rest by the weight over it below the target; see above."""
+    mass, stiffness = 0.1, 50.0
+    model = wc.Model.from_springs([[0, 0, 0], [1, 0, 0]], mass, [[0, 1]], 1.0, 100.0, 1.0, [0], device="cpu")
+    simulation = wc.Simulation(model, integrator)
+    grab = simulation.grab(1, stiffness=stiffness)
+    simulation.run(20, fps=2.0)
+    assert grab.target[2] - grab.point[2] == pytest.approx(mass * 9.81 / stiffness, rel=0.03)
+
+
 def test_mistakes():
     simulation = hanging()
     with pytest.raises(InputError, match="article must be a whole number from 0 to 63"):

@@ -12,7 +12,7 @@ from ..state import State
 from .base import Linearization
 
 SLOTS = 32
-SAFE_SHARE = 0.5  # of m/h² and m/h: stiffness and damping that a scheme which takes grabs explicitly can carry
+SAFE_SHARE = 0.5  # of m/h² and m/h: stiffness and damping that a scheme which takes grabs explicitly can carry, in all
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,9 @@ class Grabs:
 
     Args:
         model: the model.
-        explicit: whether the integrator takes these forces as they are at the start of a step. What is stiffer than
-            its steps can carry is then softened, so that a grab never makes a stable simulation unstable.
+        explicit: whether the integrator takes these forces as they are at the start of a step of given length. What is
+            stiffer than that can carry is then softened, so that grabs never make a stable simulation unstable; those
+            that hold the same particles share what these can carry.
     """
 
     name = "grab"
@@ -87,8 +88,11 @@ class Grabs:
         for slot, hold in enumerate(self.holds):
             if hold is not None:
                 particles[slot], weights[slot] = hold.particles, hold.weights
-                stiffness[slot], damping[slot] = self._carried(hold, step)
+                stiffness[slot], damping[slot] = hold.stiffness, hold.damping
                 begun[slot] = clocks[self._world[hold.particles[0]]]
+        if self.explicit:
+            most = SAFE_SHARE / np.maximum(self._mobility(particles, weights), 1e-300)
+            stiffness, damping = np.minimum(stiffness, most / step**2), np.minimum(damping, most / step)
         self._grabs.particles.assign(particles)
         self._grabs.weights.assign(weights)
         self._grabs.stiffness.assign(stiffness)
@@ -99,13 +103,16 @@ class Grabs:
         self._grabs.span.fill_(dt)
         self._before = self.targets.copy()
 
-    def _carried(self, hold: Hold, step: float) -> tuple[float, float]:
-        """Stiffness and damping, no more than the step can carry where it must."""
-        mobility = float(np.sum(np.square(hold.weights) * self._inverse_mass[list(hold.particles)]))
-        if not self.explicit or mobility == 0.0:
-            return hold.stiffness, hold.damping
-        most = SAFE_SHARE / mobility
-        return min(hold.stiffness, most / step**2), min(hold.damping, most / step)
+    def _mobility(self, particles: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Of each slot Σ_h Σ_i wᵢ w_hi/mᵢ [1/kg] over all slots h, itself included, shape [SLOTS].
+
+        With stiffnesses of at most s over it, no eigenvalue of M⁻¹K is larger than s, as no column sum is that of the
+        matrix over slots which has the same ones.
+        """
+        used, column = np.unique(particles, return_inverse=True)
+        shares = np.zeros((SLOTS, len(used)))
+        np.add.at(shares, (np.arange(SLOTS)[:, None], column.reshape(SLOTS, 3)), np.abs(weights))
+        return np.asarray((shares * self._inverse_mass[used]) @ shares.sum(axis=0))
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds the grabs' forces [N] to ``state.particle_f``."""
