@@ -57,6 +57,7 @@ class Grabs:
         self._grabs.begun = model.array(np.zeros(SLOTS), wp.float64)
         self._grabs.span = model.array(np.ones(1), wp.float64)
         self._energy = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
+        self._held = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
         self._idle = True
 
     def take(self, hold: Hold, target: np.ndarray) -> int:
@@ -85,11 +86,13 @@ class Grabs:
         clocks = state.world_time.numpy()
         stiffness, damping, begun = np.zeros(SLOTS), np.zeros(SLOTS), np.zeros(SLOTS)
         particles, weights = np.zeros((SLOTS, 3), np.int32), np.zeros((SLOTS, 3))
+        held = np.zeros(self.model.world_count, np.int32)
         for slot, hold in enumerate(self.holds):
             if hold is not None:
                 particles[slot], weights[slot] = hold.particles, hold.weights
                 stiffness[slot], damping[slot] = hold.stiffness, hold.damping
-                begun[slot] = clocks[self._world[hold.particles[0]]]
+                world = self._world[hold.particles[0]]
+                begun[slot], held[world] = clocks[world], 1
         if self.explicit:
             most = SAFE_SHARE / np.maximum(self._mobility(particles, weights), 1e-300)
             stiffness, damping = np.minimum(stiffness, most / step**2), np.minimum(damping, most / step)
@@ -100,6 +103,7 @@ class Grabs:
         self._grabs.target_from.assign(self._before)
         self._grabs.target_to.assign(self.targets)
         self._grabs.begun.assign(begun)
+        self._held.assign(held)
         self._grabs.span.fill_(dt)
         self._before = self.targets.copy()
 
@@ -133,6 +137,10 @@ class Grabs:
     def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
         """Adds the diagonal blocks of a K + b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
         self._launch("diagonal", [self._grabs, at.stiffness, at.damping], out)
+
+    def jerked_worlds(self) -> wp.array:
+        """Those with a hand in them; see :class:`~warpcloth.forces.base.Jerking`."""
+        return self._held
 
     def _launch(self, kernel: str, inputs: list, out: wp.array) -> None:
         model = self.model
