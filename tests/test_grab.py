@@ -1,5 +1,7 @@
 """Grabs: a normal force, with the same laws as the others, that follows the host between captured frames."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -120,6 +122,31 @@ def test_a_tape_repeats_what_was_done():
         player.before_frame()
         second.step(DT)
     assert np.array_equal(second.state.particle_q.numpy(), first.state.particle_q.numpy())
+
+
+def test_tapes_that_cannot_be_played_are_refused():
+    recorded = hanging()
+    recorded.grab(60).release()
+    text = recorded.tape.to_json()
+    take, release = json.loads(text)
+    bad = [
+        [release],
+        [take, take],
+        [{**take, "act": "jump"}],
+        [{**take, "time": "soon"}],
+        [{**take, "target": None}],
+        [{**take, "hold": None}],
+        [{**take, "hold": {**take["hold"], "particles": [1, 2]}}],
+        [{**take, "hold": {**take["hold"], "weights": "abc"}}],
+        [{**take, "hold": {**take["hold"], "stiffness": -5.0}}],
+        [{**take, "hold": {**take["hold"], "damping": float("nan")}}],
+    ]
+    for events in bad:
+        with pytest.raises(InputError, match="not a tape"):
+            GrabTape.from_json(json.dumps(events))
+    smaller = wc.Simulation(wc.Model.build(wc.Cloth.grid(resolution=(5, 5)), device="cpu"))
+    with pytest.raises(InputError, match="particle must be a whole number from 0 to 24, got 60"):
+        GrabTape.from_json(text).play(smaller).before_frame()
 
 
 def test_a_ray_takes_the_nearest_cloth():

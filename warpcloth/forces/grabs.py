@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .. import validate
 from ..errors import InputError
 from ..launching import fill, launch
 from ..model import Model
@@ -17,12 +18,27 @@ SAFE_SHARE = 0.5  # of m/h² and m/h: stiffness and damping that a scheme which 
 
 @dataclass(frozen=True)
 class Hold:
-    """What a grab holds: three particles and their weights, which sum to one; stiffness [N/m], damping [N s/m]."""
+    """What a grab holds: three particles and their weights, which sum to one; stiffness [N/m], damping [N s/m].
+
+    Raises:
+        InputError: a value of another kind or out of range.
+    """
 
     particles: tuple[int, int, int]
     weights: tuple[float, float, float]
     stiffness: float
     damping: float
+
+    def __post_init__(self):
+        particles = validate.array(self.particles, "hold: particles", (3,), np.int64)
+        values = {
+            "particles": tuple(particles.tolist()),
+            "weights": tuple(validate.array(self.weights, "hold: weights", (3,)).tolist()),
+            "stiffness": validate.number(self.stiffness, "hold: stiffness", above=0.0),
+            "damping": validate.number(self.damping, "hold: damping", minimum=0.0),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
 
 class Grabs:
@@ -64,8 +80,10 @@ class Grabs:
         """A slot for a new grab.
 
         Raises:
-            InputError: all are taken.
+            InputError: all are taken, or the model has no such particles, as when a tape was made with other cloth.
         """
+        for particle in hold.particles:
+            validate.integer(particle, "hold: particle", minimum=0, maximum=self.model.particle_count - 1)
         if None not in self.holds:
             raise InputError(f"There are {SLOTS} grabs already, which is the most; release one first.")
         slot = self.holds.index(None)
