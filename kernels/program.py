@@ -4,7 +4,8 @@ A program is a row of 64-bit words, made by ``warpcloth/program.py``: one of the
 are addresses and sizes. One thread goes through it. Where it comes to a launch that may run in ranges, it offers them:
 each helper takes its own, always the same part of the particles, which its cache then holds; those that nobody has
 taken the thread runs itself, and it goes on when all are done. So it never waits for a helper that the system keeps
-from running, unless that has just taken its range.
+from running, unless that has just taken its range. Each offer has a range for every thread, empty or not: a helper
+that comes late then finds its range taken, while one left out of an offer would take that of the next, once more.
 
 This is for the CPU only; graphs do it on GPUs. There the kernels do nothing.
 """
@@ -42,7 +43,8 @@ _COMMON = f"""
             || !__atomic_compare_exchange_n(claim, &claimed, number, false, __ATOMIC_ACQ_REL, __ATOMIC_RELAXED))
             return false;
         const Word* call = (const Word*)__atomic_load_n(table + {OFFER}, __ATOMIC_RELAXED);
-        ((Kernel)call[1])((void*)call[3 + 2 * range], (void*)call[4 + 2 * range]);
+        if (call[3 + 2 * range] != 0)
+            ((Kernel)call[1])((void*)call[3 + 2 * range], (void*)call[4 + 2 * range]);
         __atomic_fetch_add(table + {DONE}, 1, __ATOMIC_RELEASE);
         return true;
     }};
@@ -109,8 +111,7 @@ _HELP = (
         const Word number = __atomic_load_n(table + {NUMBER}, __ATOMIC_ACQUIRE);
         if (number != seen) {{
             seen = number;
-            const Word* call = (const Word*)__atomic_load_n(table + {OFFER}, __ATOMIC_RELAXED);
-            if (range < call[2] && take(number, range))
+            if (take(number, range))
                 spins = 0;
         }}
         WARPCLOTH_PAUSE;

@@ -12,8 +12,11 @@ from warpcloth.benchmarks.integrators.energy_drift import drift
 from warpcloth.benchmarks.integrators.families import FAMILIES, family
 from warpcloth.benchmarks.integrators.reference import Reference, reference
 from warpcloth.benchmarks.integrators.runs import measure, split
+from warpcloth.benchmarks.integrators.scene import scene_problem
 from warpcloth.benchmarks.integrators.stability_limit import limit
 from warpcloth.benchmarks.integrators.work_precision import observed_order, sweep
+from warpcloth.scenes import load_scene
+from warpcloth.scenes.built import BuiltScene, make_model, make_simulation
 
 import warpcloth as wc
 from warpcloth.cli import run
@@ -136,6 +139,47 @@ def test_a_scene_can_be_measured():
     found = results["problems"]["pendulum"]
     assert found["end"] == pytest.approx(2 / 24)
     assert found["schemes"]["symplectic_euler"]["runs"][-1]["position_error"] < 0.1
+
+
+CLOTH = """frames = 2
+[air]
+wind = [0.0, 8.0, 0.0]
+[[cloth]]
+shape = "disc"
+radius = 0.1
+resolution = 3
+springs = "woven"
+fabric = { name = "silk", stretch_stiffness = 50.0, shear_stiffness = 5.0 }
+pins = [{ box = { lower = [-1.0, -1.0, -1.0], upper = [-0.05, 1.0, 1.0] } }]
+"""
+
+
+def test_a_scene_is_measured_as_it_is(tmp_path):
+    """In its wind, each timed run from the start, friction in bending included; and what has no springs has strain."""
+    path = tmp_path / "cloth.toml"
+    path.write_text(CLOTH)
+    problem = scene_problem(str(path))
+    sim = problem.simulation("xpbd", 8)
+    sim.run(2, fps=24)
+    ends = sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()
+    same = load_scene(
+        str(path), ["simulation.precision=float64", "simulation.integrator=xpbd", "simulation.substeps=8"]
+    )
+    built = [BuiltScene.of(same)]
+    original = make_simulation(built, make_model(built))
+    original.run(2, fps=24)
+    np.testing.assert_array_equal(ends[0], original.state.particle_q.numpy())
+    found = measure(problem, "xpbd", 16, ends)
+    assert found.repeats == 3
+    assert found.position_error < 1e-12
+    assert 0.0 < found.strain < 0.1
+
+
+def test_a_stage_can_be_measured(tmp_path):
+    stage = str(tmp_path / "twist.usda")
+    assert run(["scenes", "export", "twist", "-o", stage]) == 0
+    (stage_problem, problem) = (scene_problem(name, 1) for name in (stage, "twist"))
+    assert stage_problem.build(True).particle_count == problem.build(True).particle_count
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,17 @@ def test_an_earlier_run_is_compared_with(results, tmp_path, capfd):
     assert "is not the results.json of `bench speed`" in capfd.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "text", ["[]", '{"benchmark": "speed"}', '{"benchmark": "speed", "parts": {"hang": {"rows": [{"frame_ms": "x"}]}}}']
+)
+def test_what_is_no_earlier_run_is_refused_before_anything_is_measured(text, tmp_path, capfd):
+    path = tmp_path / "other.json"
+    path.write_text(text)
+    assert run(["bench", "speed", "--compare", str(path), "-o", str(tmp_path / "out")]) == 2
+    assert "is not the results.json of `bench speed`" in capfd.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_explicit_steps_of_all_hands_agree():
     found = throughput(effort(resolution=8, quick=True), lambda text: None)
     assert found["failures"] == []

@@ -1,5 +1,7 @@
 """Grabs: a normal force, with the same laws as the others, that follows the host between captured frames."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -122,6 +124,31 @@ def test_a_tape_repeats_what_was_done():
     assert np.array_equal(second.state.particle_q.numpy(), first.state.particle_q.numpy())
 
 
+def test_tapes_that_cannot_be_played_are_refused():
+    recorded = hanging()
+    recorded.grab(60).release()
+    text = recorded.tape.to_json()
+    take, release = json.loads(text)
+    bad = [
+        [release],
+        [take, take],
+        [{**take, "act": "jump"}],
+        [{**take, "time": "soon"}],
+        [{**take, "target": None}],
+        [{**take, "hold": None}],
+        [{**take, "hold": {**take["hold"], "particles": [1, 2]}}],
+        [{**take, "hold": {**take["hold"], "weights": "abc"}}],
+        [{**take, "hold": {**take["hold"], "stiffness": -5.0}}],
+        [{**take, "hold": {**take["hold"], "damping": float("nan")}}],
+    ]
+    for events in bad:
+        with pytest.raises(InputError, match="not a tape"):
+            GrabTape.from_json(json.dumps(events))
+    smaller = wc.Simulation(wc.Model.build(wc.Cloth.grid(resolution=(5, 5)), device="cpu"))
+    with pytest.raises(InputError, match="particle must be a whole number from 0 to 24, got 60"):
+        GrabTape.from_json(text).play(smaller).before_frame()
+
+
 def test_a_ray_takes_the_nearest_cloth():
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]])
     triangles = np.array([[0, 1, 2], [3, 4, 5]])
@@ -139,6 +166,33 @@ def test_a_stiff_grab_does_not_blow_up_a_coarse_step():
         grab.move((-0.25 + 0.2 * np.sin(k), 0.2 * np.cos(k), 0.5))
         simulation.step(DT)
     assert np.abs(simulation.state.particle_q.numpy()).max() < 2.0
+
+
+@pytest.mark.parametrize("integrator", ["xpbd", "vbd", "symplectic_euler", "velocity_verlet", "rk4", "forward_euler"])
+def test_many_hands_on_one_place_do_not_blow_it_up(integrator):
+    """They share what the particles can carry, be they held alone or in a triangle."""
+    cloth = wc.Cloth.grid((0.5, 0.5), (12, 12), pins="left")
+    simulation = wc.Simulation(wc.Model.build(cloth, device="cpu"), integrator)
+    start = cloth.points[70]
+    hands = [simulation.grab(70) for _ in range(8)]
+    hands += [simulation.grab((start + np.array([0.004, 0.003 + 1e-4 * k, 1.0]), (0.0, 0.0, -1.0))) for k in range(8)]
+    for k in range(30):
+        for hand in hands:
+            hand.move(start + np.array([0.0, 0.0, 0.005 * k]))
+        simulation.step(DT)
+    assert simulation.metrics()["max_speed"] < 6.0  # it swings with some 3 m/s
+    assert np.linalg.norm(hands[0].point - hands[0].target) < 0.1
+
+
+@pytest.mark.parametrize("integrator", ["bogacki_shampine", "dormand_prince"])
+def test_schemes_that_choose_their_steps_have_the_stiffness_asked_for(integrator):
+    """They rest by the weight over it below the target; see above."""
+    mass, stiffness = 0.1, 50.0
+    model = wc.Model.from_springs([[0, 0, 0], [1, 0, 0]], mass, [[0, 1]], 1.0, 100.0, 1.0, [0], device="cpu")
+    simulation = wc.Simulation(model, integrator)
+    grab = simulation.grab(1, stiffness=stiffness)
+    simulation.run(20, fps=2.0)
+    assert grab.target[2] - grab.point[2] == pytest.approx(mass * 9.81 / stiffness, rel=0.03)
 
 
 def test_mistakes():

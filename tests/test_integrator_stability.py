@@ -9,7 +9,7 @@ from integrator_problems import ALL, oscillator, phase, simulation
 import warpcloth as wc
 from warpcloth.errors import SimulationError, StabilityWarning
 from warpcloth.integrators import INTEGRATORS
-from warpcloth.stability import fastest_rates
+from warpcloth.stability import fastest_rates, largest_stable_step
 
 FIXED_STEP = [cls.name for cls in ALL if not cls.adaptive]
 DAMPING = (0.0, 0.05, 0.5, 1.5)  # ζ
@@ -88,6 +88,19 @@ def test_automatic_substeps_bound_growth(name):
     assert sim.energy()["total"] < math.exp(0.2) * before
     with pytest.raises(SimulationError, match="would need more than 100000 substeps"):
         simulation(oscillator(1e6), "forward_euler", substeps="auto").step(1.0)
+
+
+def test_what_is_proposed_where_damping_asks_for_too_many_substeps():
+    """The shorter its time the longer are the steps, unless there is none: more damping would be bad advice."""
+    steps = []
+    for time in (1e-3, 1e-4, 1e-5):
+        cloth = wc.Cloth.grid((0.02, 0.02), (6, 6), wc.Fabric(stretch_stiffness=1e4, damping_time=time), "left")
+        model = wc.Model.build(cloth, device="cpu")
+        steps.append(largest_stable_step(model, INTEGRATORS["velocity_verlet"](model)))
+    assert steps[0] < 0.5 * steps[1] < 0.5 * steps[2]
+    stiff = wc.Cloth.grid((0.02, 0.02), (6, 6), wc.Fabric(stretch_stiffness=1e4, damping_time=5e-3), "left")
+    with pytest.raises(SimulationError, match="a shorter damping time"):
+        wc.Simulation(wc.Model.build(stiff, device="cpu"), "velocity_verlet").step(1.0 / 60.0)
 
 
 @pytest.mark.parametrize("name", [n for n in FIXED_STEP if not INTEGRATORS[n].implicit])

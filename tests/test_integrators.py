@@ -174,3 +174,14 @@ def test_a_tolerance_that_cannot_be_met_says_what_to_change(name):
         sim.step(1.0)
     with pytest.raises(InputError, match="Rtol must be a number greater than 0"):
         simulation(oscillator(), name, integrator_options={"rtol": 0.0})
+
+
+@pytest.mark.parametrize("name", ADAPTIVE)
+def test_a_step_whose_forces_overflow_leaves_nothing_behind_in_those_that_follow(name):
+    """A stiff spring, of which the first trial goes beyond single precision; it comes to rest within a millisecond."""
+    points = [[0.0, 0.0, 0.0], [1.01, 0.0, 0.0]]
+    model = wc.Model.from_springs(points, 1e-6, [[0, 1]], 1.0, 1e6, 1.0, [0], device="cpu")
+    sim = wc.Simulation(model, name, (0.0, 0.0, 0.0))
+    sim.step(0.01)
+    assert sim.metrics()["rejected_steps"] > 2
+    np.testing.assert_allclose(sim.state.particle_q.numpy()[1], [1.0, 0.0, 0.0], atol=1e-3)

@@ -106,6 +106,20 @@ def test_bias_extension_of_firm_yarns_is_that_of_a_trellis():
     assert knit < 0.8 * angle
 
 
+@pytest.mark.parametrize("cells", [7, 10, 11, 16])
+def test_bias_strips_of_any_mesh_are_compared_with_a_trellis_of_their_width(cells):
+    """Diagonals of cells seldom make up a third of the length; and whatever they make up, all corners are clamped."""
+    width = bias.strip_width(cells)
+    points = bias.bias_strip(cells, library_fabric("cotton")).points
+    assert np.ptp(points[:, 1]) == pytest.approx(width)
+    corners = np.all(np.isclose(np.abs(points[:, :2]), [0.5 * bias.LENGTH, 0.5 * width]), axis=1)
+    assert corners.sum() == 4
+    angle, load, settled = bias.drawn(Setup(fabric=library_fabric("cotton"), resolution=cells), 0.05)
+    assert settled
+    assert angle == pytest.approx(bias.trellis_angle(0.05, width), rel=0.1)
+    assert load == pytest.approx(15.4, rel=0.15)  # N/m, of fine meshes a third as wide as long
+
+
 def test_bias_extension_reports_the_mesh_that_it_has(monkeypatch):
     """Always the grid along the yarns, so that the options for other meshes change nothing."""
     monkeypatch.setattr(bias, "EXTENSIONS", (0.05,))

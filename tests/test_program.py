@@ -145,6 +145,22 @@ def test_loops_and_branches(threads):
         assert not copied.numpy()[500:].any()
 
 
+def test_launches_with_less_to_do_than_threads_are_run_once():
+    """Between long ones: a helper that has nothing to do in one must not take its part of the next twice."""
+    few, many = numbers(np.zeros(2)), numbers(np.zeros(4000))
+
+    def frame():
+        for _ in range(200):
+            launch(mark, 2, [1], [few])
+            launch(mark, 4000, [1], [many])
+
+    recorded = record_program(frame, KERNELS, 4)
+    for times in range(1, 501):
+        recorded.run()
+        assert (few.numpy() == 200 * times).all()
+        assert (many.numpy() == 200 * times).all()
+
+
 @pytest.mark.parametrize("threads", [2, 3])
 def test_nobody_waits_for_a_thread_that_was_given_up(threads, monkeypatch):
     values = numbers(np.zeros(10))

@@ -8,6 +8,7 @@ import pytest
 
 import warpcloth as wc
 from warpcloth.contact.travel import travel_step
+from warpcloth.diagnostics import greatest_speeds
 from warpcloth.integrators import INTEGRATORS
 from warpcloth.simulation import MAX_SUBSTEPS
 
@@ -151,3 +152,26 @@ def test_pinned_particles_are_not_thrown():
     assert steps[0] == pytest.approx(0.01 / math.hypot(60.0, math.sqrt(2 * 9.81 * 0.24)))
     assert steps[1] == steps[0]
     assert math.isinf(steps[2])
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_a_hand_does_not_make_cloth_ring(name):
+    """Undamped, cotton led by 10 cm in ten frames, one step each, flew about with 49 and 11 m/s."""
+    both = [([wc.Cloth.grid((0.5, 0.5), (12, 12), pins="left")], []) for _ in range(2)]
+    sim = wc.Simulation(wc.Model.build_worlds(both, device="cpu"), name, substeps=1)
+    free = wc.Simulation(wc.Model.build_worlds(both, device="cpu"), name, substeps=1)
+    sim.step(DT)
+    hand = sim.grab(70)
+    start, fastest = hand.point, 0.0
+    for k in range(1, 31):
+        hand.move(start + np.array([0.0, 0.0, 0.01 * min(k, 10)]))
+        sim.step(DT)
+        fastest = max(fastest, greatest_speeds(sim.model, sim.state)[0])
+    free.run(31, 60.0)
+    assert fastest < 5.0
+    assert np.linalg.norm(hand.point - hand.target) < 0.05
+    untouched = [each.state.particle_q.numpy()[144:] for each in (sim, free)]
+    np.testing.assert_array_equal(*untouched)
+    hand.release()
+    sim.step(DT)
+    assert not sim.integrator._jumped.numpy().any()

@@ -32,6 +32,19 @@ class GrabEvent:
     target: tuple[float, float, float] | None = None
     hold: Hold | None = None
 
+    def check(self, taken: set[int]) -> None:
+        """Whether it can follow after the grabs ``taken``, to which it may add its own.
+
+        Raises:
+            InputError: it cannot, or is no act.
+        """
+        validate.number(self.time, "time")
+        if validate.choice(self.act, ("take", "move", "release"), "act") != "release":
+            validate.vector(self.target, "target")
+        if (self.act == "take") != (self.hold is not None) or (self.act == "take") == (self.number in taken):
+            raise InputError(f"Grab {self.number} cannot {self.act} there.")
+        taken.add(self.number)
+
 
 class Grabbable(Protocol):
     """What hands need of a :class:`warpcloth.Simulation`."""
@@ -138,8 +151,12 @@ class GrabTape:
             rows = json.loads(text)
             holds = [None if row["hold"] is None else Hold(**row.pop("hold")) for row in map(dict, rows)]
             plain = [{**row, "hold": hold} for row, hold in zip(rows, holds, strict=True)]
-            return GrabTape([GrabEvent(**row) for row in plain])
-        except (ValueError, TypeError, KeyError) as error:
+            events = [GrabEvent(**row) for row in plain]
+            taken: set[int] = set()
+            for event in events:
+                event.check(taken)
+            return GrabTape(events)
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise InputError("The text is not a tape of grabs, as GrabTape.to_json writes it.") from error
 
     def play(self, simulation: Grabbable) -> "TapePlayer":

@@ -128,7 +128,10 @@ class ProgramWriter:
         return len(self._words) - 1
 
     def _prepared(self, kernel: wp.Kernel, dim: int, arguments: Sequence[Any]) -> list[int]:
-        """A launch as words: as many ranges as there are threads, or one."""
+        """A launch as words: one range, or as many as there are threads, the last ones empty where there is too little.
+
+        All offers then have equally many ranges, so whoever takes one of them knows that it is still the same offer.
+        """
         ranged = runs_in_ranges(kernel)
         count = min(self._threads, dim) if ranged else 1
         words = [self._codes.CALL, 0, count]
@@ -142,6 +145,9 @@ class ProgramWriter:
             self._kept += [call, packed]
             words[1] = _address(call.hooks.forward)
             words += [ctypes.addressof(call.bounds), ctypes.addressof(packed)]
+        if count > 1:
+            words[2] = self._threads
+            words += [0, 0] * (self._threads - count)
         return words
 
 

@@ -230,7 +230,7 @@ class Simulation:
         Args:
             what: number of a particle, or a ray (origin, direction) [m], as from a mouse, for the first cloth on it.
             stiffness: [N/m]; by default what holds the weight of all cloth 2 cm below the target. Explicit and
-                position-based integrators soften what is stiffer than their steps can carry.
+                position-based integrators soften what is stiffer than their steps can carry, of all grabs together.
 
         Raises:
             InputError: no such particle, no cloth on the ray, a stiffness not above 0, or 32 grabs already.
@@ -241,8 +241,8 @@ class Simulation:
     def grab_hold(self, hold: Hold, target: Any) -> Grab:
         """Like :meth:`grab`, of a point given by particles and weights, led to ``target`` [m] from the start."""
         if self._grabs is None:
-            explicit = not self.integrator.implicit or self.integrator.solves_springs_only
-            self._grabs = Grabs(self.model, explicit)
+            scheme = self.integrator
+            self._grabs = Grabs(self.model, not (scheme.implicit or scheme.adaptive) or scheme.solves_springs_only)
             self.forces.terms.append(self._grabs)
             self._frames.forget()
         return Grab(self, self._grabs, hold, validate.vector(target, "target"))

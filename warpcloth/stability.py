@@ -255,7 +255,8 @@ def count_steps(integrator: "Integrator", step: float, dt: float, most: int) -> 
     if dt > most * step:
         raise SimulationError(
             f"{integrator.name} would need more than {most} substeps per frame of {dt:g} s to be stable; use a softer "
-            "or heavier fabric, more damping, a coarser mesh, or an implicit integrator."
+            "or heavier fabric, a shorter damping time (or some, where there is none), a coarser mesh, or an implicit "
+            "integrator."
         )
     return max(1, math.ceil(dt / step))
 

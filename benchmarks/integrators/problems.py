@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from warpcloth import Cloth, Fabric, Model, Simulation, Sphere
+from warpcloth import Air, Cloth, Fabric, Model, Simulation, Sphere
 
 G = 9.81  # [m/s²]
 Solution = tuple[np.ndarray, np.ndarray]
@@ -24,6 +24,7 @@ class Problem:
         first_step: coarsest step that is tried [s].
         gravity: acceleration [m/s²].
         contact: what the cloth collides with, as :class:`~warpcloth.Simulation` takes it; not smooth unless "none".
+        air: what it moves through; None: a vacuum.
         exact: positions [m] and velocities [m/s] at ``end``, shape [particle_count, 3], where known in closed form.
         drift_end, drift_step: duration and step of the long undamped run [s]; 0: no such run.
         energy_scale: energy that drift is compared with [J].
@@ -36,6 +37,7 @@ class Problem:
     first_step: float
     gravity: tuple[float, float, float] = (0.0, 0.0, -G)
     contact: str = "none"
+    air: Air | None = None
     exact: Callable[[], Solution] | None = None
     drift_end: float = 0.0
     drift_step: float = 0.0
@@ -44,7 +46,7 @@ class Problem:
     def simulation(self, integrator: str, substeps: int | str, options: dict | None = None, **rest: Any) -> Simulation:
         """A simulation of it from the start."""
         model = self.build(True)
-        settings = {"gravity": self.gravity, "contact": self.contact, "check": False, **rest}
+        settings = {"gravity": self.gravity, "contact": self.contact, "air": self.air, "check": False, **rest}
         return Simulation(model, integrator, substeps=substeps, integrator_options=options, **settings)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcloth import Model, Simulation
+from warpcloth import Model, Simulation, State, diagnostics
 from warpcloth.errors import SimulationError
 
 from .problems import Problem, Solution
@@ -74,16 +74,6 @@ def compile_seconds(problem: Problem, integrator: str, options: dict | None = No
     return time.perf_counter() - begun
 
 
-def rewind(sim: Simulation) -> None:
-    """Back to the start, with kernels loaded and graphs kept."""
-    wp.copy(sim.state.particle_q, sim.model.particle_q)
-    wp.copy(sim.state.particle_qd, sim.model.particle_qd)
-    sim.state.world_time.zero_()
-    sim.state.forces_current = False
-    sim.integrator.reset()
-    sim.time = 0.0
-
-
 @contextmanager
 def beyond_limits() -> Iterator[None]:
     """Unstable steps and overflow are part of the experiment: no warnings about them."""
@@ -102,7 +92,7 @@ def measure(problem: Problem, integrator: str, steps: int, truth: Solution, opti
         times: list[tuple[float, float]] = []
         errors = (0.0, 0.0)
         while not times or (len(times) < 3 and times[0][0] < REPEAT_BELOW and errors[0] < HOPELESS):
-            rewind(sim)
+            sim.reset()
             before = Counts.of(sim)
             times.append(_timed(sim, frames, dt))
             counts = Counts.of(sim).since(before)
@@ -151,7 +141,7 @@ def _warm_up(sim: Simulation, dt: float) -> Counts:
         try_step(sim, dt)
     first = Counts.of(sim).since(before)
     if sim.graph:
-        rewind(sim)
+        sim.reset()
         try_step(sim, dt)
     return first
 
@@ -192,9 +182,10 @@ def errors_of(sim: Simulation, truth: Solution) -> tuple[float, float]:
 
 
 def mean_strain(model: Model, points: np.ndarray) -> float:
-    """Mean |strain| of all springs with ``points`` [m] where the particles are."""
-    p, q = model.spring_indices.numpy().T
-    return float(np.abs(np.linalg.norm(points[q] - points[p], axis=1) / model.spring_rest_length.numpy() - 1.0).mean())
+    """Mean |strain| of all springs and yarns with ``points`` [m] where the particles are."""
+    state = State.of(model)
+    state.particle_q.assign(points)
+    return float(np.abs(diagnostics.every_strain(model, state)[0]).mean())
 
 
 def as_dict(run: Run) -> dict[str, Any]:

@@ -31,9 +31,13 @@ def earlier_results(path: Path) -> dict[str, Any]:
         raise InputError(f"The earlier results {path} cannot be read: {error.strerror}.") from error
     except ValueError as error:
         raise InputError(f"The earlier results {path} are not JSON: {error}.") from error
-    if not isinstance(results, dict) or results.get("benchmark") != "speed":
+    try:
+        sound = results["benchmark"] == "speed" and all(isinstance(cost, int | float) for _, cost in _costs(results))
+    except (KeyError, TypeError, AttributeError):
+        sound = False
+    if not sound:
         raise InputError(f"The file {path} is not the results.json of `bench speed`.")
-    return results
+    return dict(results)
 
 
 def comparison(now: dict[str, Any], earlier: dict[str, Any]) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import warp as wp
 
-from ..launching import launch
+from ..launching import copy, fill, launch
 from ..model import Model
 from ..state import Memory, State
 
@@ -90,6 +90,15 @@ class Prepared(Protocol):
 
 
 @runtime_checkable
+class Jerking(Protocol):
+    """A force that comes and goes at once, as a hand does: a :class:`ForceTerm` that says where; at most one."""
+
+    def jerked_worlds(self) -> wp.array:
+        """1 for worlds on which it acts, else 0: int32, shape [world_count]."""
+        ...
+
+
+@runtime_checkable
 class Opening(Protocol):
     """A force that can be worked out together with gravity: a :class:`ForceTerm` that, where it is the first, may."""
 
@@ -154,6 +163,13 @@ class Forces:
         for term in self.terms:
             if isinstance(term, Prepared):
                 term.prepare()
+
+    def mark_jerked(self, worlds: wp.array) -> None:
+        """Writes 1 for worlds whose forces come and go at once, else 0, into ``worlds``: int32, shape [world_count]."""
+        fill(worlds)
+        for term in self.terms:
+            if isinstance(term, Jerking):
+                copy(worlds, term.jerked_worlds())
 
     def advance(self, state: State) -> None:
         """The end of a step, at ``state``: what forces remember moves on."""

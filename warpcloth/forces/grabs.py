@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .. import validate
 from ..errors import InputError
 from ..launching import fill, launch
 from ..model import Model
@@ -12,17 +13,32 @@ from ..state import State
 from .base import Linearization
 
 SLOTS = 32
-SAFE_SHARE = 0.5  # of m/h² and m/h: stiffness and damping that a scheme which takes grabs explicitly can carry
+SAFE_SHARE = 0.5  # of m/h² and m/h: stiffness and damping that a scheme which takes grabs explicitly can carry, in all
 
 
 @dataclass(frozen=True)
 class Hold:
-    """What a grab holds: three particles and their weights, which sum to one; stiffness [N/m], damping [N s/m]."""
+    """What a grab holds: three particles and their weights, which sum to one; stiffness [N/m], damping [N s/m].
+
+    Raises:
+        InputError: a value of another kind or out of range.
+    """
 
     particles: tuple[int, int, int]
     weights: tuple[float, float, float]
     stiffness: float
     damping: float
+
+    def __post_init__(self):
+        particles = validate.array(self.particles, "hold: particles", (3,), np.int64)
+        values = {
+            "particles": tuple(particles.tolist()),
+            "weights": tuple(validate.array(self.weights, "hold: weights", (3,)).tolist()),
+            "stiffness": validate.number(self.stiffness, "hold: stiffness", above=0.0),
+            "damping": validate.number(self.damping, "hold: damping", minimum=0.0),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
 
 class Grabs:
@@ -32,8 +48,9 @@ class Grabs:
 
     Args:
         model: the model.
-        explicit: whether the integrator takes these forces as they are at the start of a step. What is stiffer than
-            its steps can carry is then softened, so that a grab never makes a stable simulation unstable.
+        explicit: whether the integrator takes these forces as they are at the start of a step of given length. What is
+            stiffer than that can carry is then softened, so that grabs never make a stable simulation unstable; those
+            that hold the same particles share what these can carry.
     """
 
     name = "grab"
@@ -56,14 +73,17 @@ class Grabs:
         self._grabs.begun = model.array(np.zeros(SLOTS), wp.float64)
         self._grabs.span = model.array(np.ones(1), wp.float64)
         self._energy = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
+        self._held = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
         self._idle = True
 
     def take(self, hold: Hold, target: np.ndarray) -> int:
         """A slot for a new grab.
 
         Raises:
-            InputError: all are taken.
+            InputError: all are taken, or the model has no such particles, as when a tape was made with other cloth.
         """
+        for particle in hold.particles:
+            validate.integer(particle, "hold: particle", minimum=0, maximum=self.model.particle_count - 1)
         if None not in self.holds:
             raise InputError(f"There are {SLOTS} grabs already, which is the most; release one first.")
         slot = self.holds.index(None)
@@ -84,11 +104,16 @@ class Grabs:
         clocks = state.world_time.numpy()
         stiffness, damping, begun = np.zeros(SLOTS), np.zeros(SLOTS), np.zeros(SLOTS)
         particles, weights = np.zeros((SLOTS, 3), np.int32), np.zeros((SLOTS, 3))
+        held = np.zeros(self.model.world_count, np.int32)
         for slot, hold in enumerate(self.holds):
             if hold is not None:
                 particles[slot], weights[slot] = hold.particles, hold.weights
-                stiffness[slot], damping[slot] = self._carried(hold, step)
-                begun[slot] = clocks[self._world[hold.particles[0]]]
+                stiffness[slot], damping[slot] = hold.stiffness, hold.damping
+                world = self._world[hold.particles[0]]
+                begun[slot], held[world] = clocks[world], 1
+        if self.explicit:
+            most = SAFE_SHARE / np.maximum(self._mobility(particles, weights), 1e-300)
+            stiffness, damping = np.minimum(stiffness, most / step**2), np.minimum(damping, most / step)
         self._grabs.particles.assign(particles)
         self._grabs.weights.assign(weights)
         self._grabs.stiffness.assign(stiffness)
@@ -96,16 +121,20 @@ class Grabs:
         self._grabs.target_from.assign(self._before)
         self._grabs.target_to.assign(self.targets)
         self._grabs.begun.assign(begun)
+        self._held.assign(held)
         self._grabs.span.fill_(dt)
         self._before = self.targets.copy()
 
-    def _carried(self, hold: Hold, step: float) -> tuple[float, float]:
-        """Stiffness and damping, no more than the step can carry where it must."""
-        mobility = float(np.sum(np.square(hold.weights) * self._inverse_mass[list(hold.particles)]))
-        if not self.explicit or mobility == 0.0:
-            return hold.stiffness, hold.damping
-        most = SAFE_SHARE / mobility
-        return min(hold.stiffness, most / step**2), min(hold.damping, most / step)
+    def _mobility(self, particles: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Of each slot Σ_h Σ_i wᵢ w_hi/mᵢ [1/kg] over all slots h, itself included, shape [SLOTS].
+
+        With stiffnesses of at most s over it, no eigenvalue of M⁻¹K is larger than s, as no column sum is that of the
+        matrix over slots which has the same ones.
+        """
+        used, column = np.unique(particles, return_inverse=True)
+        shares = np.zeros((SLOTS, len(used)))
+        np.add.at(shares, (np.arange(SLOTS)[:, None], column.reshape(SLOTS, 3)), np.abs(weights))
+        return np.asarray((shares * self._inverse_mass[used]) @ shares.sum(axis=0))
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds the grabs' forces [N] to ``state.particle_f``."""
@@ -126,6 +155,10 @@ class Grabs:
     def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
         """Adds the diagonal blocks of a K + b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
         self._launch("diagonal", [self._grabs, at.stiffness, at.damping], out)
+
+    def jerked_worlds(self) -> wp.array:
+        """Those with a hand in them; see :class:`~warpcloth.forces.base.Jerking`."""
+        return self._held
 
     def _launch(self, kernel: str, inputs: list, out: wp.array) -> None:
         model = self.model

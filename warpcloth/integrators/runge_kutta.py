@@ -51,9 +51,13 @@ class RungeKutta(Integrator):
             forces.evaluate(stage, offset)
 
     def finish(self, model: Model, start: State, out: State, dt: float, time_offset: float) -> None:
-        """The end of the step from the forces of its stages."""
-        b = np.array(self.tableau.b)
-        weights = dt * b, dt * dt * (b @ self.tableau.matrix)
+        """The end of the step from the forces of its stages.
+
+        Embedded pairs come here before their last stage, which has no weight: its force is still that of another step,
+        perhaps of a rejected one that was not finite, and zero times that is not zero.
+        """
+        b = np.trim_zeros(np.array(self.tableau.b), "b")
+        weights = dt * b, dt * dt * (b @ self.tableau.matrix[: len(b), : len(b)])
         advance(model, start, start.particle_f, self.stages, out, dt, *weights)
         drive_pins(model, start.world_time, time_offset + dt, out.particle_q, out.particle_qd)
 

@@ -5,7 +5,8 @@ motion is smooth. But what contact pushes out of something within a step is stre
 would stretch it, and then it rings for ever: sheets that fell on each other gained speed until they tore. So the step
 that follows a jump is taken as two of implicit Euler, half as long each (Rannacher, Finite element solution of
 diffusion problems with irregular data, Numer. Math. 43, 1984), which damps such modes, and keeps the order where jumps
-are few. While something lies on something, every step is such a step.
+are few. While something lies on something, every step is such a step; so it is while a hand holds cloth, whose pull
+comes at once as well and is led by jerks.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,8 @@ from .implicit import ImplicitEuler, ImplicitScheme, Stage
 
 
 class UndampedScheme(ImplicitScheme):
-    """A scheme of one stage, with a damped step in each world whose state was changed since its last step.
+    """A scheme of one stage, with a damped step in each world that a hand holds, or whose state was changed since its
+    last step.
 
     Not in differentiable models, whose adjoints know smooth steps only.
     """
@@ -37,7 +39,7 @@ class UndampedScheme(ImplicitScheme):
         if model.differentiable:
             super().step(model, state_in, state_out, forces, dt)
             return
-        self._look(model, state_in)
+        self._look(model, state_in, forces)
         self._smooth_step(model, state_in, state_out, forces, dt, self._smooth)
         evaluated = forces.latest
         only_if(self._any, lambda: self._damped_step(model, state_in, state_out, forces, dt))
@@ -58,10 +60,10 @@ class UndampedScheme(ImplicitScheme):
         ends = [Memory(array, own) for array in (self._end.particle_q, self._end.particle_qd)]
         return [*ends, Memory(self._past_dt, None)]
 
-    def _look(self, model: Model, state_in: State) -> None:
-        """Which worlds are not where their last step ended."""
+    def _look(self, model: Model, state_in: State, forces: Forces) -> None:
+        """Which worlds are in somebody's hand, or not where their last step ended."""
         end = self._end
-        fill(self._jumped)
+        forces.mark_jerked(self._jumped)
         fill(self._any)
         inputs = [state_in.particle_q, state_in.particle_qd, end.particle_q, end.particle_qd, self._past_dt]
         self._launch(model, "find_jumps", [model.particle_world, *inputs], [self._jumped])
@@ -95,7 +97,7 @@ class ImplicitMidpoint(UndampedScheme):
     stage = Stage(gamma=0.5, time=0.5, beyond=1.0)
     reference = "Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), II.1.2"
     cost = "a few Newton iterations, each of tens to hundreds of matrix products"
-    use = "motion without numerical damping: momenta kept, energy bounded; damped while contact or a hook acts"
+    use = "motion without numerical damping: momenta kept, energy bounded; damped while contact, a hand or a hook acts"
 
 
 class ImplicitTrapezoid(UndampedScheme):
