@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from ..errors import NotDifferentiableError
+from ..errors import InputError, NotDifferentiableError
 from ..forces import Differentiable
 from ..integrators.xpbd import Xpbd
 from ..launching import launch
@@ -16,7 +16,10 @@ def check_differentiable(simulation: Simulation) -> None:
 
     Raises:
         NotDifferentiableError: the first part without any.
+        InputError: it is no simulation.
     """
+    if not isinstance(simulation, Simulation):
+        raise InputError(f"Simulation must be a warpcloth.Simulation, got {type(simulation).__name__}.")
     model = simulation.model
     if not model.differentiable:
         raise NotDifferentiableError("Gradients need adjoint kernels: build the model with differentiable=True.")
