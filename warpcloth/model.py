@@ -14,7 +14,7 @@ from .collision_shapes import CollisionShapes
 from .errors import InputError
 from .kernels import KernelSet, variant_name
 from .kinematics import LedPins, MovingPins, make_tracks
-from .launching import launch
+from .launching import launch, launches
 from .model_parts import Parts, parts_of_network, parts_of_worlds
 from .obstacles import Obstacle
 
@@ -65,6 +65,7 @@ class Model:
         differentiable: whether the kernels have adjoints.
     """
 
+    @launches
     def __init__(
         self,
         parts: Parts,

@@ -112,8 +112,12 @@ class ClothContact:
         only_if(self.remaining, lambda: self.hold.run(state, span, self.start, self.now, self.met, self.counts))
 
     def remember(self) -> None:
-        """Keeps what :meth:`grow` restores."""
+        """Keeps what :meth:`recall` restores."""
         copy(self.counts_before, self.counts)
+
+    def recall(self) -> None:
+        """Counts nothing of what was since :meth:`remember`."""
+        copy(self.counts, self.counts_before)
 
     def grow(self) -> bool:
         """Whether a list was too short; it is longer now, and all since :meth:`remember` must be done again.
@@ -131,7 +135,7 @@ class ClothContact:
             )
         short = any([self.pairs.grow(), self.finder.grow()])
         if short:
-            copy(self.counts, self.counts_before)
+            self.recall()
         return short
 
     def metrics(self) -> dict[str, Any]:

@@ -97,6 +97,9 @@ class Grabs:
         self._grabs.target_to.assign(self.targets)
         self._grabs.begun.assign(begun)
         self._grabs.span.fill_(dt)
+
+    def end_frame(self) -> None:
+        """The targets have been reached."""
         self._before = self.targets.copy()
 
     def _carried(self, hold: Hold, step: float) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import warp as wp
 
 from .. import validate
 from ..errors import DivergedError, InputError
-from ..launching import launch
+from ..launching import launch, launches
 from ..simulation import Simulation
 from ..state import State
 from .contact import record_response
@@ -54,6 +54,7 @@ class Rollout:
         steps: substeps in all.
     """
 
+    @launches
     def __init__(
         self,
         simulation: Simulation,
@@ -102,6 +103,7 @@ class Rollout:
         of_start = {"particle_q": self.start.particle_q, "particle_qd": self.start.particle_qd}
         return {name: array.grad for name, array in (of_start | self.parameters).items()}
 
+    @launches
     def forward(self, tape: wp.Tape | None = None) -> list[State]:
         """Simulates from ``start``, with the parameters as they are, and returns ``states``.
 
@@ -143,6 +145,7 @@ class Rollout:
             tape.record_func(self._go_back, [*own, *self.parameters.values()])
         return self.states
 
+    @launches
     def backward(self, particle_q: Any = None, particle_qd: Any = None) -> dict[str, wp.array]:
         """Gradients of a loss of which those with respect to ``states`` are given; after :meth:`forward`, and before
         parameters are written to. The simulation stays where it is.

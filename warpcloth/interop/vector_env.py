@@ -9,6 +9,7 @@ import warp as wp
 from .. import validate
 from ..cloth import Cloth
 from ..errors import InputError
+from ..launching import launches
 from ..model import Model
 from ..obstacles import Obstacle
 from ..simulation import Simulation
@@ -94,6 +95,7 @@ class VectorEnv:
         """(N, handles, 3)."""
         return self.worlds, self.actions.shape[1], 3
 
+    @launches
     def step(self, actions: Any = None) -> tuple[wp.array, wp.array]:
         """One step of ``dt`` in all worlds.
 
