@@ -90,7 +90,7 @@ class Simulation:
         check_start: bool = True,
         threads: int | None = None,
     ):
-        self.model = model
+        self.model = validate.instance(model, Model, "Model")
         self.hooks = validate.instances(hooks, Hook, "hooks")
         own = validate.instances(forces, UserForce, "forces")
         self.integrator = make_integrator(integrator, model, integrator_options)
@@ -129,7 +129,7 @@ class Simulation:
         self._lookout = Lookout(model, self.integrator, self.contact)
         self.untangled = untangle(model, self.state) if validate.flag(untangled, "untangled") else None
         self._reset = WorldReset(model, self.state)
-        if check_start:
+        if validate.flag(check_start, "check_start"):
             diagnostics.check_start_for(contact, model, self.state, self.untangled)
 
     @launches

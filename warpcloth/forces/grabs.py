@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from .. import validate
 from ..errors import InputError
 from ..launching import fill, launch
 from ..model import Model
@@ -62,8 +63,10 @@ class Grabs:
         """A slot for a new grab.
 
         Raises:
-            InputError: all are taken.
+            InputError: all are taken, or the model has no such particles.
         """
+        for number in hold.particles:
+            validate.integer(number, "grabbed particle", minimum=0, maximum=self.model.particle_count - 1)
         if None not in self.holds:
             raise InputError(f"There are {SLOTS} grabs already, which is the most; release one first.")
         slot = self.holds.index(None)

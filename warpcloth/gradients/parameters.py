@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from ..errors import InputError, NotDifferentiableError
+from .. import validate
+from ..errors import NotDifferentiableError
 from ..forces import Differentiable
 from ..integrators.xpbd import Xpbd
 from ..launching import launch
@@ -18,9 +19,7 @@ def check_differentiable(simulation: Simulation) -> None:
         NotDifferentiableError: the first part without any.
         InputError: it is no simulation.
     """
-    if not isinstance(simulation, Simulation):
-        raise InputError(f"Simulation must be a warpcloth.Simulation, got {type(simulation).__name__}.")
-    model = simulation.model
+    model = validate.instance(simulation, Simulation, "Simulation").model
     if not model.differentiable:
         raise NotDifferentiableError("Gradients need adjoint kernels: build the model with differentiable=True.")
     recorded_step(simulation.integrator)
