@@ -2,6 +2,7 @@
 
 import gc
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -71,6 +72,30 @@ def test_going_back_leaves_the_simulation_where_it_is():
     assert mine.time == pytest.approx(mine.state.world_time.numpy()[0]) == pytest.approx(4.0 / 60.0)
     rollout.forward()
     assert np.array_equal(rollout.backward(np.ones((25, 3)))["gravity"].numpy(), gradient)
+
+
+def test_rollouts_in_threads_take_turns():
+    """With each other and with plain simulations, as there is but one tape in Warp."""
+    weights = np.random.default_rng(0).normal(size=(25, 3))
+
+    def gradients(rollout: Rollout) -> list[np.ndarray]:
+        for _ in range(3):
+            rollout.forward()
+            found = [gradient.numpy().copy() for gradient in rollout.backward(weights).values()]
+        return found
+
+    rollouts = [Rollout(crumpled("velocity_verlet", 20), 2) for _ in range(3)]
+    plain = [crumpled("velocity_verlet", 20) for _ in range(2)]
+    expected = gradients(rollouts.pop())
+    with ThreadPoolExecutor(3) as threads:
+        stepped = threads.submit(plain[0].run, 20)
+        found = list(threads.map(gradients, rollouts))
+        stepped.result()
+    plain[1].run(20)
+    np.testing.assert_array_equal(plain[0].state.particle_q.numpy(), plain[1].state.particle_q.numpy())
+    for each in found:
+        for one, other in zip(each, expected, strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
 def test_bad_input_is_refused():

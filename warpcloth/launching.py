@@ -22,7 +22,7 @@ _recording = _Recording()
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
-_gate = threading.RLock()
+_gate = threading.Condition()
 _launching: list[int] = []  # threads within calls that launch
 
 
@@ -42,6 +42,22 @@ def launches(call: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
         finally:
             with _gate:
                 _launching.remove(thread)
+                _gate.notify_all()
+
+    return marked
+
+
+def launches_alone(call: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Marks what launches under a tape: it waits until no other thread launches, and all others wait for its end.
+
+    Warp (1.19) has one tape for the process, which holds what *any* thread launches.
+    """
+
+    @functools.wraps(call)
+    def marked(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        with _gate:
+            _gate.wait_for(lambda: set(_launching) <= {threading.get_ident()})
+            return call(*arguments, **options)
 
     return marked
 

@@ -9,7 +9,7 @@ import warp as wp
 
 from .. import validate
 from ..errors import DivergedError, InputError
-from ..launching import launch, launches
+from ..launching import launch, launches, launches_alone
 from ..simulation import Simulation
 from ..state import State
 from .contact import record_response
@@ -103,7 +103,7 @@ class Rollout:
         of_start = {"particle_q": self.start.particle_q, "particle_qd": self.start.particle_qd}
         return {name: array.grad for name, array in (of_start | self.parameters).items()}
 
-    @launches
+    @launches_alone
     def forward(self, tape: wp.Tape | None = None) -> list[State]:
         """Simulates from ``start``, with the parameters as they are, and returns ``states``.
 
@@ -145,7 +145,7 @@ class Rollout:
             tape.record_func(self._go_back, [*own, *self.parameters.values()])
         return self.states
 
-    @launches
+    @launches_alone
     def backward(self, particle_q: Any = None, particle_qd: Any = None) -> dict[str, wp.array]:
         """Gradients of a loss of which those with respect to ``states`` are given; after :meth:`forward`, and before
         parameters are written to. The simulation stays where it is.
@@ -203,6 +203,7 @@ class Rollout:
             if kept is None and (k + 1) % self.substeps == 0 and frame in self._observed:
                 self._observed[frame].copy_from(simulation.state)
 
+    @launches_alone
     def _go_back(self) -> None:
         """Adds to the gradients what those of the observed states lead to, and leaves the simulation where it is."""
         _check_no_tape_records()
