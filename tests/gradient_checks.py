@@ -1,11 +1,29 @@
-"""A loss of a roll-out, its gradients, and central finite differences of it."""
+"""A small simulation of all forces, a loss of its roll-out, its gradients, and central finite differences of it."""
 
 import numpy as np
 
+import warpcloth as wc
 from warpcloth.gradients import Rollout
 
+FABRIC = wc.Fabric(
+    stretch_stiffness=100.0, shear_stiffness=20.0, bending_rigidity=2e-5, bending_hysteresis=1e-4, damping_time=2e-3
+)
+AIR = wc.Air(wind=(1.0, 2.0, 0.5), gust=0.2, turbulence=0.3)
 RELATIVE = 1e-4  # what gradients must agree with differences to
 STEP = 1e-6  # of the differences, in units of the parameters' sizes
+
+
+def crumpled(integrator: str, substeps: int, *, differentiable: bool = True, **options) -> wc.Simulation:
+    """A small cloth of all forces, one corner held, one led, in wind; not flat, so that every force is at work."""
+    lead = wc.Motion.keyframes([(0.0, (0, 0, 0)), (1.0, (0.3, 0.0, 0.2))])
+    pins = [wc.pin(0), wc.pin(4, lead)]
+    cloth = wc.Cloth.grid((0.4, 0.4), (5, 5), FABRIC, pins, (0, 0, 1), velocity=(0.3, 0.1, 0.0))
+    model = wc.Model.build([cloth], precision="float64", differentiable=differentiable)
+    simulation = wc.Simulation(model, integrator, substeps=substeps, air=AIR, **options)
+    free = model.particle_inv_mass.numpy() > 0.0
+    noise = 0.01 * np.random.default_rng(0).normal(size=(25, 3)) * free[:, None]
+    simulation.state.particle_q.assign(simulation.state.particle_q.numpy() + noise)
+    return simulation
 
 
 class RandomLoss:

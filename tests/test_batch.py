@@ -269,6 +269,10 @@ def test_the_command(tmp_path, capfd):
     assert run(path, "--workers", "0", "-o", out)[0] == 2
     assert run("status", str(tmp_path))[0] == 2
     assert run("status")[0] == 2
+    for option in (["--workers", "2"], ["--retry-failed"], ["--dry-run"], ["--set", "count=2"], ["-o", out]):
+        code, error = run("status", out, *option)
+        assert (code, f"{option[0]} " in error["error"], "has no meaning" in error["error"]) == (2, True, True)
+    assert "plans for this machine" in run(path, "--dry-run", "--ray", "auto")[1]["error"]
 
 
 def test_samples_that_failed_make_the_exit_code_3(tmp_path, capfd):
@@ -280,6 +284,9 @@ def test_samples_that_failed_make_the_exit_code_3(tmp_path, capfd):
         report = capfd.readouterr().out
         assert "1 of 2 samples done, 1 failed" in report
         assert "1 ×: Cloth" in report
+    for option, left in (([], 0), (["--retry-failed"], 1)):
+        assert cli(["batch", path, "-o", out, "--dry-run", *option, "--json"]) == 0
+        assert json.loads(capfd.readouterr().out)["left"] == left
     for question in ("status", "index"):
         assert cli(["batch", question, out, "--json"]) == 0
         status = json.loads(capfd.readouterr().out)

@@ -32,7 +32,8 @@ def cluster():
 
 @pytest.mark.filterwarnings("ignore")  # Ray's own
 def test_a_dead_node_loses_nothing(tmp_path, cluster):
-    path = written(tmp_path, SWEEP.replace("count = 6", "count = 12"), SCENE)
+    """Nor does a limit that is beyond all nodes."""
+    path = written(tmp_path, SWEEP.replace("count = 6", "count = 12") + "[limits]\nmemory_mib = 1e8\n", SCENE)
     undisturbed, _ = simulated(path, tmp_path / "undisturbed", worlds=5)
     seen = []
 

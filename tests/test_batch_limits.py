@@ -1,6 +1,8 @@
 """Batches whose workers take too much, or die: who is to blame, and that the others go on."""
 
+import mmap
 import multiprocessing
+import os
 import time
 from types import SimpleNamespace
 
@@ -48,6 +50,19 @@ def test_workers_that_cannot_begin_end_the_batch(tmp_path, monkeypatch):
     monkeypatch.setattr(pool, "Worker", type("Stillborn", (Doomed,), {"begins": False}))
     with pytest.raises(SimulationError, match=r"Workers die before they begin anything \(exit code -9\)"):
         run_batch(load_sweep(written(tmp_path)), tmp_path / "batch", workers=2)
+
+
+def test_memory_that_is_shared_counts_for_nobody(tmp_path):
+    """Such as that of libraries; 64 MiB of a mapped file here."""
+    worker = SimpleNamespace(process=SimpleNamespace(pid=os.getpid()))
+    (tmp_path / "library").write_bytes(bytes(64 * MIB))
+    before = pool.Worker.memory.fget(worker)
+    with open(tmp_path / "library", "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as mapped:
+        assert sum(mapped[:: mmap.PAGESIZE]) == 0
+        assert pool.Worker.memory.fget(worker) < before + 16 * MIB
+    own = bytearray(os.urandom(64 * MIB))
+    assert pool.Worker.memory.fget(worker) > before + 48 * MIB
+    del own
 
 
 class Large(Doomed):

@@ -203,8 +203,16 @@ def test_mistakes():
         simulation.grab(((9.0, 9.0, 9.0), (0.0, 0.0, 1.0)))
     with pytest.raises(InputError, match="by its number, or cloth by a ray"):
         simulation.grab((1.0, 2.0, 3.0))
+    with pytest.raises(InputError, match="Ray: direction must be 3 numbers"):
+        simulation.grab(((0.0, 0.0, 9.0), (0.0, 1.0)))
     with pytest.raises(InputError, match="tiffness must be"):
         simulation.grab(0, stiffness=0.0)
+    larger = wc.Simulation(wc.Model.build([wc.Cloth.grid((1.0, 1.0), (9, 9))]))
+    larger.grab(80)
+    with pytest.raises(InputError, match="Grabbed particle must be a whole number from 0 to 63, got 80"):
+        larger.tape.play(simulation).before_frame()
+    assert simulation.grab(np.array([[0.1, 9.0, 1.1], [0.0, -1.0, 0.0]])).held
+    simulation = hanging()
     grab = simulation.grab(0)
     with pytest.raises(InputError, match="arget"):
         grab.move((0.0, np.nan, 0.0))

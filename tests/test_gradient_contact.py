@@ -27,6 +27,7 @@ def test_sliding_over_a_ball_onto_a_plane_through_200_steps(integrator):
     assert rollout.steps == 200
     loss = RandomLoss(rollout)
     assert_slopes_agree(loss, h=1e-7, zero=("obstacle_restitution",))
+    loss.value()
     gradients = loss.gradients()
     assert gradients["particle_friction"].any()
     assert gradients["obstacle_friction"].all()  # both were touched

@@ -1,5 +1,6 @@
 """Forces, kernels and obstacles of the caller's own, and frames in graphs of the caller's own."""
 
+import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -122,6 +123,77 @@ def test_a_step_does_not_look_back_to_the_host(name, graph, monkeypatch):
     with wp.ScopedCapture(device="cpu"), monkeypatch.context() as patch:
         no_host(patch)
         sim.step(FRAME)
+
+
+class Once(wc.Hook):
+    """Does something in the middle of one substep."""
+
+    def __init__(self, substep: int, act):
+        self.left, self.act = substep, act
+
+    def after_step(self, start: wc.State, end: wc.State, dt: float) -> None:
+        self.left -= 1
+        if self.left == 0:
+            self.act()
+
+
+def fail() -> None:
+    raise ZeroDivisionError
+
+
+@pytest.mark.parametrize("contact", ["obstacles", "all"])
+@pytest.mark.parametrize("frame", [0, 1])
+def test_a_frame_in_which_a_hook_raises_has_not_been(frame, contact):
+    """Neither one that runs at once, the first, nor one that is being recorded, the second."""
+    hooks = [Once(20 * frame + 9, act) for act in (fail, lambda: None)]
+    sims = [wc.Simulation(model(), substeps=20, hooks=[hook], contact=contact) for hook in hooks]
+    for sim in sims:
+        grab = sim.grab(35)
+        for number in range(3):
+            grab.move((0.1, 0.1, 0.02 + 0.01 * number))
+            if sim is sims[0] and number == frame:
+                before = phase(sim)
+                with pytest.raises(ZeroDivisionError):
+                    sim.step(FRAME)
+                np.testing.assert_array_equal(phase(sim), before)
+                assert sim.state.world_time.numpy()[0] == pytest.approx(sim.time) == pytest.approx(number * FRAME)
+            sim.step(FRAME)
+    np.testing.assert_array_equal(phase(sims[0]), phase(sims[1]))
+
+
+def test_simulations_in_other_threads_wait_while_a_frame_is_recorded():
+    """And none is recorded in the middle of a frame of theirs: Warp would put their launches into the graph."""
+    plain, ready = wc.Simulation(model(), substeps=20), []
+
+    def make() -> None:
+        ready.append(wc.Simulation(model(), substeps=20))
+        ready[0].run(2)
+
+    other = threading.Thread(target=make)
+
+    def begin() -> None:
+        assert sim.model.device.is_capturing
+        other.start()
+        other.join(0.3)
+
+    sim = wc.Simulation(model(), substeps=20, hooks=[Once(29, begin)])
+    sim.run(2)
+    other.join()
+    within = wc.Simulation(model(), substeps=20, hooks=[wc.Hook()])
+    within.run(1)
+
+    def step_the_other() -> None:
+        thread = threading.Thread(target=within.run, args=(1,))
+        thread.start()
+        thread.join()
+
+    slow = wc.Simulation(model(), substeps=20, hooks=[Once(9, step_the_other)])
+    slow.run(2)
+    assert not within._frames.recorded
+    plain.run(2)
+    for each in (sim, ready[0], within, slow):
+        np.testing.assert_array_equal(phase(each), phase(plain))
+        assert each.time == pytest.approx(2.0 * FRAME)
 
 
 def test_the_test_for_round_trips_can_fail(monkeypatch):

@@ -306,6 +306,7 @@ def test_misuse_is_one_sentence():
         ("The Newton model must have particles, got none.", SolverMassSpring, empty),
         ("rest_lengths[0] is 0, but must be greater than 0.", SolverMassSpring, pair.finalize(device="cpu")),
         ("state_in and state_out must be two states, got one and the same.", solver.step, state, state, None, None, 1),
+        ("state_in must be a newton.State, got NoneType.", solver.step, None, state, None, None, 1),
         ("Dt must be a number greater than 0 and at most 1000, got 0.0.", solver.step, state, state, None, None, 0.0),
         ("World_mask must have shape (2,), got (1,).", solver.reset, state, mask),
         ("World_mask must be of dtype bool, got int32.", solver.reset, state, numbers),

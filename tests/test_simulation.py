@@ -201,6 +201,35 @@ def test_misuse_is_one_sentence():
         wc.Simulation(model).step(0.0)
 
 
+BALL = wc.Sphere((0, 0, -9), 1)
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: wc.Model.build(None), r"cloths\[0\] must be a warpcloth.Cloth, got NoneType"),
+        (lambda: wc.Model.build([sheet(), BALL]), r"cloths\[1\] must be a warpcloth.Cloth, got Sphere"),
+        (lambda: wc.Model.build(sheet(), [3]), r"obstacles\[0\] must be an obstacle such as warpcloth.Sphere, got int"),
+        (lambda: wc.Model.build(sheet(), differentiable="yes"), "Differentiable must be true or false"),
+        (lambda: wc.Model.build_worlds(3), "needs a list of at least one world"),
+        (lambda: wc.Model.build_worlds([sheet()]), r"worlds\[0\] must be a pair \(cloths, obstacles\)"),
+        (lambda: wc.Model.build_worlds([([sheet()], None)]), r"worlds\[0\]: obstacles\[0\] must be an obstacle"),
+        (lambda: wc.Simulation(None), "Model must be a warpcloth.Model, got NoneType"),
+        (lambda: wc.Simulation(wc.Model.build(sheet()), check_start="no"), "Check_start must be true or false"),
+        (lambda: wc.ContactPlanes(None), "Model must be a warpcloth.Model"),
+        (lambda: wc.Sphere((0, 0, 0), 1e13), r"radius must be a number greater than 0 and at most 1e\+12, got 1"),
+    ],
+)
+def test_what_is_of_another_kind_is_refused(make, sentence):
+    with pytest.raises(InputError, match=sentence):
+        make()
+
+
+def test_worlds_may_come_one_by_one():
+    worlds = [([sheet()], [BALL]), (sheet(), BALL)]
+    assert wc.Model.build_worlds(iter(worlds)).world_count == 2
+
+
 @pytest.mark.parametrize("substeps", [1, 2])
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_forces_of_the_latest_evaluation_are_in_the_state(name, substeps):

@@ -101,9 +101,8 @@ def test_frames_done_again_begin_with_the_same_padding():
 def test_padding_does_not_drive_a_sheet_apart():
     """Vertices of fine cloth are nearer each other than it is thick: padding is for what is farther apart at rest."""
     thick = wc.Fabric(thickness=0.01)
-    sim = wc.Simulation(
-        wc.Model.build(wc.Cloth.grid((0.05, 0.05), (11, 11), thick)), gravity=(0, 0, 0), substeps=10, contact="all"
-    )
+    model = wc.Model.build(wc.Cloth.grid((0.05, 0.05), (11, 11), thick))
+    sim = wc.Simulation(model, "xpbd", gravity=(0, 0, 0), substeps=10, contact="all")
     start = sim.state.particle_q.numpy().copy()
     sim.contact.cloths.padding.length.fill_(0.02)
     sim.step(FRAME)

@@ -150,6 +150,18 @@ def test_worlds_that_do_not_match_are_refused():
         InputError, match=r"^handles\[1\] must name still pins, got particle 24, which is none in world 1\.$"
     ):
         VectorEnv(lambda w: ([towel(), bare][w : w + 1], []), worlds=2, handles=[[], [24]], device="cpu")
+    for handles, sentence in [
+        ([[24], [20, 24]], r"^handles\[1\] must not name particle 24, which handles\[0\] has\.$"),
+        ([[24, 24]], r"^handles\[0\] must not name particle 24, which handles\[0\] has\.$"),
+        (24, r"^Handles must be a list of lists of particles, got int\.$"),
+    ]:
+        with pytest.raises(InputError, match=sentence):
+            env(handles=handles)
+    with pytest.raises(InputError, match=r"^cloths\[0\] must be a warpcloth.Cloth, got NoneType\.$"):
+        VectorEnv(None, worlds=2)
+    with pytest.raises(InputError, match=r"^Hooks must be a list of warpcloth.Hook, got int\.$"):
+        VectorEnv([towel()], worlds=2, hooks=3, device="cpu")
+    assert VectorEnv(iter([towel()]), worlds=2, device="cpu").worlds == 2
     with pytest.raises(InputError, match=r"^handles\[0\] must name particles from 0 to 24, got 25\.$"):
         env(handles=[[25]])
     with pytest.raises(InputError, match="Worlds must be a whole number from 1 to 1000000, got 0"):

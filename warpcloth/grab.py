@@ -195,7 +195,7 @@ def make_hold(model: Model, points: np.ndarray, what: Any, stiffness: float | No
     Raises:
         InputError: no such particle, no cloth on the ray, or a stiffness that is not above 0.
     """
-    if np.ndim(what) == 0:
+    if isinstance(what, str) or not (isinstance(what, Sequence) or np.ndim(what)):
         number = validate.integer(what, "particle", minimum=0, maximum=model.particle_count - 1)
         particles, weights, place = (number,) * 3, (1.0, 0.0, 0.0), points[number]
     else:
@@ -216,7 +216,7 @@ def pick(
     Raises:
         InputError: it is no ray, or meets nothing. (Möller and Trumbore, 1997.)
     """
-    if not isinstance(ray, Sequence) or len(ray) != 2:
+    if not isinstance(ray, Sequence | np.ndarray) or len(ray) != 2:
         raise InputError("Grab a particle by its number, or cloth by a ray: (origin, direction).")
     origin, direction = validate.vector(ray[0], "ray: origin"), validate.vector(ray[1], "ray: direction")
     a, b, c = (np.asarray(points, np.float64)[triangles[:, k]] for k in range(3))

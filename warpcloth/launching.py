@@ -5,10 +5,11 @@ A kernel whose first argument is ``thread_offset`` may run in ranges at the same
 there: each writes only what is its own, or counts with ``kernels/counting.py``. Callers leave ``thread_offset`` out.
 """
 
+import functools
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import warp as wp
 
@@ -18,6 +19,54 @@ class _Recording(threading.local):
 
 
 _recording = _Recording()
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+_gate = threading.Condition()
+_launching: list[int] = []  # threads within calls that launch
+
+
+def launches(call: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Marks what launches: it waits while another thread records a graph, and lets none begin to.
+
+    Warp (1.19) puts what *any* thread launches on a device into the graph that is being captured there.
+    """
+
+    @functools.wraps(call)
+    def marked(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        thread = threading.get_ident()
+        with _gate:
+            _launching.append(thread)
+        try:
+            return call(*arguments, **options)
+        finally:
+            with _gate:
+                _launching.remove(thread)
+                _gate.notify_all()
+
+    return marked
+
+
+def launches_alone(call: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Marks what launches under a tape: it waits until no other thread launches, and all others wait for its end.
+
+    Warp (1.19) has one tape for the process, which holds what *any* thread launches.
+    """
+
+    @functools.wraps(call)
+    def marked(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        with _gate:
+            _gate.wait_for(lambda: set(_launching) <= {threading.get_ident()})
+            return call(*arguments, **options)
+
+    return marked
+
+
+@contextmanager
+def alone() -> Iterator[bool]:
+    """Nothing that is marked so begins to launch inside; yields whether nothing else does so already."""
+    with _gate:
+        yield set(_launching) <= {threading.get_ident()}
 
 
 @contextmanager

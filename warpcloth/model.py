@@ -14,8 +14,8 @@ from .collision_shapes import CollisionShapes
 from .errors import InputError
 from .kernels import KernelSet, variant_name
 from .kinematics import LedPins, MovingPins, make_tracks
-from .launching import launch
-from .model_parts import Parts, parts_of_network, parts_of_worlds
+from .launching import launch, launches
+from .model_parts import Parts, pairs_of_worlds, parts_of_network, parts_of_worlds, things_of_world
 from .obstacles import Obstacle
 
 if TYPE_CHECKING:
@@ -65,6 +65,7 @@ class Model:
         differentiable: whether the kernels have adjoints.
     """
 
+    @launches
     def __init__(
         self,
         parts: Parts,
@@ -77,7 +78,7 @@ class Model:
     ):
         self.precision = validate.choice(precision, tuple(PRECISIONS), "precision")
         self.device = find_device(device)
-        self.differentiable = differentiable
+        self.differentiable = validate.flag(differentiable, "differentiable")
         self.kernels = KernelSet(variant_name(self.precision, differentiable=differentiable))
         self.world_count = world_count
         self.particle_count = len(parts.positions)
@@ -121,9 +122,10 @@ class Model:
             differentiable: compile the adjoint kernels too.
 
         Raises:
-            InputError: no cloth, two cloths of one name, an unknown device or precision.
+            InputError: no cloth, two cloths of one name, something else among cloths or obstacles, an unknown device or
+                precision.
         """
-        world = (_as_list(cloths), _as_list(obstacles))
+        world = things_of_world("", cloths, obstacles)
         return Model.build_worlds([world], device=device, precision=precision, differentiable=differentiable)
 
     @staticmethod
@@ -135,13 +137,11 @@ class Model:
         differentiable: bool = False,
     ) -> "Model":
         """A model of independent worlds, each a pair of (cloths, obstacles); arguments as for :meth:`build`."""
-        if not worlds:
-            raise InputError("A model needs at least one world.")
-        obstacles = [(w, obstacle) for w, (_, items) in enumerate(worlds) for obstacle in items]
+        pairs = pairs_of_worlds(worlds)
         return Model(
-            parts_of_worlds([cloths for cloths, _ in worlds]),
-            obstacles=obstacles,
-            world_count=len(worlds),
+            parts_of_worlds([cloths for cloths, _ in pairs]),
+            obstacles=[(w, obstacle) for w, (_, items) in enumerate(pairs) for obstacle in items],
+            world_count=len(pairs),
             device=device,
             precision=precision,
             differentiable=differentiable,
@@ -296,7 +296,3 @@ def find_device(device: Any) -> wp.Device:
     except (ValueError, RuntimeError) as error:
         names = ", ".join(str(d) for d in wp.get_devices())
         raise InputError(f"Device '{device}' is not available; this machine has: {names}.") from error
-
-
-def _as_list(items: Any) -> list:
-    return list(items) if isinstance(items, Iterable) else [items]

@@ -1,6 +1,7 @@
 """What a model is made from: cloths of all worlds, or a bare network, joined into numpy arrays."""
 
-from collections.abc import Sequence
+import reprlib
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from .cloth.sheet import sheet_tensor
 from .cloth.woven import WovenTriangles
 from .errors import InputError
 from .motion import Motion
+from .obstacles import Obstacle
 
 if TYPE_CHECKING:
     from .cloth import Cloth
@@ -60,6 +62,39 @@ class Parts:
     def groups(self) -> np.ndarray:
         """0 for in-plane springs, 1 for bending ones, int32, shape [s]."""
         return (self.kinds == BEND_KIND).astype(np.int32)
+
+
+def pairs_of_worlds(worlds: Any) -> "list[tuple[list[Cloth], list[Obstacle]]]":
+    """Worlds as pairs of (cloths, obstacles).
+
+    Raises:
+        InputError: there is none, or one is no such pair.
+    """
+    items = list(worlds) if isinstance(worlds, Iterable) else []
+    if not items:
+        raise InputError(
+            f"A model needs a list of at least one world, (cloths, obstacles), got {reprlib.repr(worlds)}."
+        )
+    for w, item in enumerate(items):
+        if not isinstance(item, Sequence) or isinstance(item, str) or len(item) != 2:
+            raise InputError(f"worlds[{w}] must be a pair (cloths, obstacles), got {reprlib.repr(item)}.")
+    return [things_of_world(f"worlds[{w}]: ", *item) for w, item in enumerate(items)]
+
+
+def things_of_world(label: str, cloths: Any, obstacles: Any) -> "tuple[list[Cloth], list[Obstacle]]":
+    """The cloths and obstacles of a world, of which one alone needs no list.
+
+    Raises:
+        InputError: something else is among them.
+    """
+    from .cloth import Cloth
+
+    rows = [list(items) if isinstance(items, Iterable) else [items] for items in (cloths, obstacles)]
+    for k, obstacle in enumerate(rows[1]):
+        if not isinstance(obstacle, Obstacle):
+            what = f"{label}obstacles[{k}] must be an obstacle such as warpcloth.Sphere"
+            raise InputError(f"{what}, got {type(obstacle).__name__}.")
+    return validate.instances(rows[0], Cloth, f"{label}cloths"), rows[1]
 
 
 def parts_of_worlds(worlds: Sequence[Sequence["Cloth"]]) -> Parts:

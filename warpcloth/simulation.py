@@ -19,7 +19,7 @@ from .hooks import Hook
 from .integrators import make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
-from .launching import copy, launch, records
+from .launching import copy, launch, launches, records
 from .lookout import Lookout
 from .model import Model
 from .recording import missed_pairs, recordable_substeps
@@ -69,6 +69,7 @@ class Simulation:
         tape: a :class:`GrabTape` of all that was done with :meth:`grab`.
     """
 
+    @launches
     def __init__(
         self,
         model: Model,
@@ -89,7 +90,7 @@ class Simulation:
         check_start: bool = True,
         threads: int | None = None,
     ):
-        self.model = model
+        self.model = validate.instance(model, Model, "Model")
         self.hooks = validate.instances(hooks, Hook, "hooks")
         own = validate.instances(forces, UserForce, "forces")
         self.integrator = make_integrator(integrator, model, integrator_options)
@@ -114,7 +115,7 @@ class Simulation:
         self._other = self.state.twin()
         self._remembering = self.integrator, self.forces, self.contact
         self._memory = [item for part in (*self._remembering, *self.hooks) for item in part.memory()]
-        self._backup = Backup(self.state, self._memory)
+        self._backup = Backup(self.state, self._memory, self.integrator, self.contact, self._frames)
         self._auto = isinstance(substeps, str)
         self._auto_step = 0.0
         if self._auto:
@@ -128,9 +129,10 @@ class Simulation:
         self._lookout = Lookout(model, self.integrator, self.contact)
         self.untangled = untangle(model, self.state) if validate.flag(untangled, "untangled") else None
         self._reset = WorldReset(model, self.state)
-        if check_start:
+        if validate.flag(check_start, "check_start"):
             diagnostics.check_start_for(contact, model, self.state, self.untangled)
 
+    @launches
     def step(self, dt: float) -> None:
         """One frame of dt [s] in ``substeps`` equal steps.
 
@@ -139,8 +141,8 @@ class Simulation:
 
         Raises:
             InputError: dt is not a positive number, or the frame cannot be recorded.
-            SimulationError: automatic substeps would be too many, or the integrator cannot go on.
-            DivergedError: (when ``check``) something is no longer finite.
+            SimulationError: automatic substeps would be too many, or the integrator cannot go on: there was no frame.
+            DivergedError: (when ``check``) something is no longer finite; ``state`` is what came out.
 
         Warns:
             StabilityWarning: the given ``substeps`` are too few for the integrator; named are those that would do.
@@ -155,17 +157,15 @@ class Simulation:
             self._lookout.warn_if_unstable(self.state, dt, self.substeps)
         if self._grabs is not None:
             self._grabs.begin_frame(self.state, dt, dt / self.substeps)
-        self._backup.keep(self.state)
-        self.contact.remember()
         key = (dt, self.substeps)
-        self._frames.run(key, lambda: self._frame(*key))
-        while self.contact.grow():
-            self._restore()
-            self._frames.run(key, lambda: self._frame(*key))
+        self._backup.attempt(lambda: self._frames.run(key, lambda: self._frame(*key)))
+        if self._grabs is not None:
+            self._grabs.end_frame()
         self.time += dt
         if self.check:
             self._lookout.look(self._backup.before, self.state, self.time, dt, self.substeps)
 
+    @launches
     def reset(self, worlds: Any = None) -> None:
         """Puts worlds back to their start: particles, clock, and what schemes and forces remember.
 
@@ -200,6 +200,7 @@ class Simulation:
             raise missed_pairs()
         self.time = max(self.time, float(self.state.world_time.numpy().max()))
 
+    @launches
     def substep(self, dt: float) -> None:
         """One step of the integrator, dt [s], without what :meth:`step` does for whole frames: no automatic substeps,
         no checks, no contact among cloths; ``time`` stays, the worlds' clocks go on. For gradients."""
@@ -247,12 +248,14 @@ class Simulation:
             self._frames.forget()
         return Grab(self, self._grabs, hold, validate.vector(target, "target"))
 
+    @launches
     def energy(self) -> dict[str, float]:
         """Energies of all worlds [J]: kinetic, spring, bending, gravity (zero at the origin), total."""
         energies = {"kinetic": diagnostics.kinetic_energy(self.model, self.state), **self.forces.energy(self.state)}
         energies["total"] = sum(energies.values())
         return energies
 
+    @launches
     def metrics(self) -> dict[str, Any]:
         """Measures of the state (:func:`warpcloth.diagnostics.measure`), ``settled``, and the integrator's own."""
         measures = diagnostics.measure(self.model, self.state, self.time)
@@ -330,19 +333,8 @@ class Simulation:
             hook.after_step(now, later, dt)
         self.forces.advance(later)
         later.forces_current &= not (self.contact.acts or self.hooks)
-        launch(
-            self.model.kernels.particles.advance_time,
-            dim=self.model.world_count,
-            inputs=[dt],
-            outputs=[now.world_time],
-            device=self.model.device,
-        )
-
-    def _restore(self) -> None:
-        """Back to the state before the frame."""
-        self.integrator.reset()
-        self._backup.restore(self.state)
-        self._frames.forget()
+        advance = self.model.kernels.particles.advance_time
+        launch(advance, self.model.world_count, [dt], [now.world_time], self.model.device)
 
     def _stable_substeps(self, dt: float) -> int:
         self._auto_step = self._auto_step or stability.automatic_step(self.model, self.integrator, self._airs)

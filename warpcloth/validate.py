@@ -32,7 +32,8 @@ def number(
     except (TypeError, ValueError, OverflowError):
         result = float("nan")
     if not low <= result <= maximum or (above is not None and not result > above):
-        raise InputError(f"{sentence(what)} must be {_range(above, minimum, maximum)}, got {reprlib.repr(value)}.")
+        limits = _range(above, minimum, maximum, spoken=maximum < LARGEST or LARGEST < result < float("inf"))
+        raise InputError(f"{sentence(what)} must be {limits}, got {reprlib.repr(value)}.")
     if above == 0.0 and result < SMALLEST:
         raise InputError(f"{sentence(what)} must not be closer to 0 than {SMALLEST:g}, got {reprlib.repr(value)}.")
     return result
@@ -122,14 +123,18 @@ def choice(value: Any, options: Iterable[str], what: str) -> str:
     raise InputError(f"{sentence(what)} must be one of {known}, got {reprlib.repr(value)}{did_you_mean(value, names)}.")
 
 
+def instance(value: Any, kind: type[Kind], what: str) -> Kind:
+    """An object of that kind, such as ``warpcloth.Model``."""
+    if not isinstance(value, kind):
+        raise InputError(f"{what} must be a warpcloth.{kind.__name__}, got {type(value).__name__}.")
+    return value
+
+
 def instances(values: Any, kind: type[Kind], what: str) -> list[Kind]:
     """A list of objects of that kind, such as ``warpcloth.Hook``."""
     if not isinstance(values, Sequence):
         raise InputError(f"{sentence(what)} must be a list of warpcloth.{kind.__name__}, got {type(values).__name__}.")
-    for k, value in enumerate(values):
-        if not isinstance(value, kind):
-            raise InputError(f"{what}[{k}] must be a warpcloth.{kind.__name__}, got {type(value).__name__}.")
-    return list(values)
+    return [instance(value, kind, f"{what}[{k}]") for k, value in enumerate(values)]
 
 
 def did_you_mean(value: Any, options: Sequence[str]) -> str:
@@ -178,8 +183,9 @@ def _layout(shape: tuple[int | None, ...], kind: str) -> str:
     return f"{' × '.join(map(str, shape))} {kind}"
 
 
-def _range(above: float | None, minimum: float | None, maximum: float) -> str:
-    upper = "" if maximum >= LARGEST else f" and at most {maximum:g}"
+def _range(above: float | None, minimum: float | None, maximum: float, *, spoken: bool) -> str:
+    """A range in words; its end only if that is ``spoken`` of, as nobody comes near to the largest of all."""
+    upper = f" and at most {maximum:g}" if spoken else ""
     if above is not None:
         return f"a number greater than {above:g}{upper}"
     return f"a number of at least {minimum:g}{upper}" if minimum is not None else f"a finite number{upper}"

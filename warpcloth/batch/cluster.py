@@ -55,6 +55,11 @@ class Cluster:
         """Of all nodes."""
         return int(self.ray.cluster_resources().get("GPU", 0))
 
+    @property
+    def memory(self) -> int:
+        """Of the largest node [bytes]."""
+        return int(max((node["Resources"].get("memory", 0) for node in self.ray.nodes() if node["Alive"]), default=0))
+
     def close(self) -> None:
         """Leaves the cluster, if it was joined here."""
         if self._ours:
@@ -79,7 +84,7 @@ class ClusterPool:
         needs: dict[str, Any] = {"num_cpus": 1, "max_retries": 0}
         if device.startswith("cuda") or (device == "auto" and cluster.gpus):
             needs["num_gpus"] = 1
-        if limits.memory_mib is not None:
+        if limits.memory_mib is not None and limits.memory_mib * 2**20 <= cluster.memory:  # else it waits for ever
             needs["memory"] = int(limits.memory_mib * 2**20)
         self.task = self.ray.remote(simulate_here).options(**needs)
         self.text = self.ray.put(sweep.as_json())

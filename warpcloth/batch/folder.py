@@ -197,11 +197,14 @@ class BatchFolder:
         for item in self.partial.iterdir() if self.partial.is_dir() else ():
             shutil.rmtree(item, ignore_errors=True)
 
+    def failed(self) -> list[int]:
+        """Numbers of the samples that have failed, in rising order."""
+        return [index for index in self.finished() if self.metrics(index)["status"] == "failed"]
+
     def forget_failed(self) -> None:
         """Takes failed samples out again, so that they are tried once more."""
-        for index in self.finished():
-            if self.metrics(index)["status"] == "failed":
-                os.rename(self.place(index), self.partial / f"{self.place(index).name}-failed-{secrets.token_hex(4)}")
+        for index in self.failed():
+            os.rename(self.place(index), self.partial / f"{self.place(index).name}-failed-{secrets.token_hex(4)}")
         self.sweep_up()
 
     def check_space(self, wanted: int) -> None:

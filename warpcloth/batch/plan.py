@@ -54,7 +54,13 @@ class Plan:
 
 
 def make_plan(
-    sweep: Sweep, folder: BatchFolder, workers: int | None, worlds: int | None, *, estimate: bool = False
+    sweep: Sweep,
+    folder: BatchFolder,
+    workers: int | None,
+    worlds: int | None,
+    *,
+    estimate: bool = False,
+    retry_failed: bool = False,
 ) -> Plan:
     """The plan for what is left of a sweep.
 
@@ -63,6 +69,7 @@ def make_plan(
         folder: where its samples go.
         workers: processes, worlds: samples stepped together; None for what suits the machine and the scene.
         estimate: whether to find out how long it takes, by simulating a few frames.
+        retry_failed: whether samples that have failed are left to do, too.
 
     Raises:
         InputError: there is no such device.
@@ -72,7 +79,7 @@ def make_plan(
     gpus = wp.get_cuda_device_count() if found.is_cuda and device == "auto" else 0
     particles, frames = _size(sweep)
     room = GPU_PARTICLES if found.is_cuda else CPU_PARTICLES
-    finished = len(folder.finished())
+    finished = len(folder.finished()) - (len(folder.failed()) if retry_failed else 0)
     left = sweep.count - finished
     workers = max(1, min(left, workers or ((gpus or 1) if found.is_cuda else cores())))
     worlds = worlds or max(1, min(MOST_WORLDS, room // max(1, particles)))

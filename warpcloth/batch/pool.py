@@ -45,12 +45,14 @@ class Worker:
 
     @property
     def memory(self) -> int:
-        """Resident memory [bytes]; 0 once it is gone."""
+        """Resident memory of its own [bytes]; 0 once it is gone. Files that are mapped, such as libraries, are left out
+        where the system tells: all workers share them, and nothing in a sample makes them smaller."""
         psutil = needed("psutil")
         try:
-            return psutil.Process(self.process.pid).memory_info().rss
+            taken = psutil.Process(self.process.pid).memory_info()
         except psutil.Error:
             return 0
+        return taken.rss - getattr(taken, "shared", 0)
 
     def give(self, job: list[int]) -> None:
         """Sends it samples to simulate."""

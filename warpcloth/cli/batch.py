@@ -57,6 +57,11 @@ def command(
     The exit code is 0 if all samples of the sweep are done, 3 if any failed; the others are done all the same.
     """
     if what in QUESTIONS:
+        _refuse(
+            {"--set": changes, "--workers": workers, "--worlds": worlds, "--ray": ray, "--retry-failed": retry_failed}
+            | {"--dry-run": dry_run, "-o beside a folder": folder is not None and output is not None},
+            f"warpcloth batch {what}",
+        )
         return _answer(what, folder or output)
     if folder is not None:
         raise InputError(f"{folder} is one argument too many; the folder to write to is given with -o.")
@@ -70,8 +75,16 @@ def command(
     start_warp()
     path = output or Path(sweep.name)
     if dry_run:
-        return _plan(sweep, path, workers, worlds)
+        _refuse({"--ray": ray}, "--dry-run, which plans for this machine")
+        return _plan(sweep, path, workers, worlds, retry_failed)
     return _run(sweep, path, {"workers": workers, "worlds": worlds, "ray": ray, "retry_failed": retry_failed})
+
+
+def _refuse(options: dict[str, Any], by: str) -> None:
+    """Refuses the first option that was given, as there is nothing that it could change."""
+    given = next((name for name, value in options.items() if value), None)
+    if given is not None:
+        raise InputError(f"{given} has no meaning for {by}; leave it out.")
 
 
 def _run(sweep: "Sweep", path: Path, options: dict[str, Any]) -> Report:
@@ -102,17 +115,18 @@ def _answer(what: str, path: Path | None) -> Report:
     return Report(status.as_dict() | {"files": files}, _summary(status) + written)
 
 
-def _plan(sweep: "Sweep", path: Path, workers: int | None, worlds: int | None) -> Report:
+def _plan(sweep: "Sweep", path: Path, workers: int | None, worlds: int | None, retry_failed: bool) -> Report:
     from ..batch.folder import BatchFolder
     from ..batch.plan import make_plan
 
     folder = BatchFolder(path)
     folder.check(sweep)
-    plan = make_plan(sweep, folder, workers, worlds, estimate=True)
+    plan = make_plan(sweep, folder, workers, worlds, estimate=True, retry_failed=retry_failed)
     seconds = plan.seconds or 0.0
     lines = [
         f"{sweep.name}: {plan.samples:,} samples of {plan.particles:,} particles, at most {plan.frames:,} frames each",
-        f"{plan.finished:,} are in {path} already",
+        f"{plan.finished:,} are in {path} already"
+        + (", and those that failed are tried again" if retry_failed else ""),
         f"{plan.workers} processes, at most {plan.worlds} samples together in each",
         f"about {duration(seconds)} by the cost of the first frames, and {plan.bytes / 2**20:,.0f} MiB; less where "
         "worlds share launches or come to rest, more where contact comes later",

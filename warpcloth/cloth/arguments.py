@@ -25,7 +25,8 @@ def checked_fabric(fabric: Fabric | None, label: str) -> Fabric:
 def require(value: Any, kind: type, what: str) -> None:
     """Refuses a value of another type than ``kind``."""
     if not isinstance(value, kind):
-        raise InputError(f"{validate.sentence(what)} must be a {kind.__name__}, got {type(value).__name__}.")
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        raise InputError(f"{validate.sentence(what)} must be {article} {kind.__name__}, got {type(value).__name__}.")
 
 
 def rigid_matrix(transform: Any, label: str) -> np.ndarray:

@@ -125,8 +125,12 @@ class ClothContact:
         only_if(self.remaining, lambda: self.hold.run(state, span, self.start, self.now, self.met, self.counts))
 
     def remember(self) -> None:
-        """Keeps what :meth:`grow` restores."""
+        """Keeps what :meth:`recall` restores."""
         copy(self.counts_before, self.counts)
+
+    def recall(self) -> None:
+        """Counts nothing of what was since :meth:`remember`."""
+        copy(self.counts, self.counts_before)
 
     def grow(self) -> bool:
         """Whether a list was too short; it is longer now, and all since :meth:`remember` must be done again.
@@ -144,7 +148,7 @@ class ClothContact:
             )
         short = any([self.pairs.grow(), self.finder.grow()])
         if short:
-            copy(self.counts, self.counts_before)
+            self.recall()
         return short
 
     def metrics(self) -> dict[str, Any]:

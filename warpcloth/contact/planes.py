@@ -34,7 +34,7 @@ class ContactPlanes:
     """
 
     def __init__(self, model: Model, capacity: int | None = None):
-        self.model = model
+        self.model = validate.instance(model, Model, "Model")
         size = model.particle_count if capacity is None else capacity
         self.capacity = validate.integer(size, "capacity", minimum=1, maximum=2**31 - 1)
         self.count = wp.zeros(1, dtype=wp.int32, device=model.device)

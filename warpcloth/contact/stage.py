@@ -98,6 +98,11 @@ class ContactStage:
         if self.cloths is not None:
             self.cloths.remember()
 
+    def recall(self) -> None:
+        """Back to what :meth:`remember` kept."""
+        if self.cloths is not None:
+            self.cloths.recall()
+
     def grow(self) -> bool:
         """Whether memory was short in the last frame; there is more now, and the frame must be done again."""
         return self.cloths is not None and self.cloths.grow()

@@ -83,7 +83,7 @@ class Grabs:
             InputError: all are taken, or the model has no such particles, as when a tape was made with other cloth.
         """
         for particle in hold.particles:
-            validate.integer(particle, "hold: particle", minimum=0, maximum=self.model.particle_count - 1)
+            validate.integer(particle, "grabbed particle", minimum=0, maximum=self.model.particle_count - 1)
         if None not in self.holds:
             raise InputError(f"There are {SLOTS} grabs already, which is the most; release one first.")
         slot = self.holds.index(None)
@@ -123,6 +123,9 @@ class Grabs:
         self._grabs.begun.assign(begun)
         self._held.assign(held)
         self._grabs.span.fill_(dt)
+
+    def end_frame(self) -> None:
+        """The targets have been reached."""
         self._before = self.targets.copy()
 
     def _mobility(self, particles: np.ndarray, weights: np.ndarray) -> np.ndarray:

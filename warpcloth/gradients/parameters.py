@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from .. import validate
 from ..errors import NotDifferentiableError
 from ..forces import Differentiable
 from ..integrators.xpbd import Xpbd
@@ -16,8 +17,9 @@ def check_differentiable(simulation: Simulation) -> None:
 
     Raises:
         NotDifferentiableError: the first part without any.
+        InputError: it is no simulation.
     """
-    model = simulation.model
+    model = validate.instance(simulation, Simulation, "Simulation").model
     if not model.differentiable:
         raise NotDifferentiableError("Gradients need adjoint kernels: build the model with differentiable=True.")
     recorded_step(simulation.integrator)

@@ -27,10 +27,15 @@ class Recording:
     """
 
     def __init__(self, forces: Forces, lasting: Iterable[wp.array]):
-        self.forces, self.plain_forces = RecordedForces(forces, self), forces
+        self.plain_forces = forces
         self.lasting = list(lasting)
         self._back: list[Callable[[], None]] = []
         self._tape = wp.Tape()
+
+    @property
+    def forces(self) -> "RecordedForces":
+        """Made anew each time: if it were kept, the two would keep each other, and all arrays of the step, alive."""
+        return RecordedForces(self.plain_forces, self)
 
     def __enter__(self) -> "Recording":
         self._tape = wp.Tape()
@@ -67,9 +72,10 @@ class Recording:
         self._back.append(back)
 
     def backward(self) -> None:
-        """From the gradients of what the step ended with to those of what it began with, and of the parameters."""
-        for back in reversed(self._back):
-            back()
+        """From the gradients of what the step ended with to those of what it began with, and of the parameters; once,
+        as each tape is let go of when it has run."""
+        while self._back:
+            self._back.pop()()
 
     def _evaluation_back(self, evaluate: Callable[[], None], state: State) -> None:
         tape = wp.Tape()

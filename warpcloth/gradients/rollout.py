@@ -9,7 +9,7 @@ import warp as wp
 
 from .. import validate
 from ..errors import DivergedError, InputError
-from ..launching import launch
+from ..launching import launch, launches, launches_alone
 from ..simulation import Simulation
 from ..state import State
 from .contact import record_response
@@ -54,6 +54,7 @@ class Rollout:
         steps: substeps in all.
     """
 
+    @launches
     def __init__(
         self,
         simulation: Simulation,
@@ -73,7 +74,7 @@ class Rollout:
         if segment is not None:
             self.segment = validate.integer(segment, "segment", minimum=1, maximum=self.steps)
         self.parameters = find_parameters(simulation)
-        numbers = range(1, self.frames + 1) if observe is None else observe
+        numbers = range(1, self.frames + 1) if observe is None else validate.array(observe, "observe", (None,), int)
         wanted = [validate.integer(k, "observe", minimum=1, maximum=self.frames) for k in numbers]
         if not wanted or wanted != sorted(set(wanted)):
             raise InputError(f"observe must be frame numbers in rising order, at least one, got {wanted}.")
@@ -102,6 +103,7 @@ class Rollout:
         of_start = {"particle_q": self.start.particle_q, "particle_qd": self.start.particle_qd}
         return {name: array.grad for name, array in (of_start | self.parameters).items()}
 
+    @launches_alone
     def forward(self, tape: wp.Tape | None = None) -> list[State]:
         """Simulates from ``start``, with the parameters as they are, and returns ``states``.
 
@@ -112,14 +114,19 @@ class Rollout:
 
         Raises:
             DivergedError: something is no longer finite, or more than 1000 km off.
-            InputError: a tape is recording.
+            InputError: a tape is recording, or ``tape`` is none.
+            NotDifferentiableError: the simulation has got something without gradients, such as a grab.
         """
         _check_no_tape_records()
-        simulation = self.simulation
+        if tape is not None and not isinstance(tape, wp.Tape):
+            raise InputError(f"Tape must be a warp.Tape, got {type(tape).__name__}.")
+        simulation, self._derived = self.simulation, None
+        check_differentiable(simulation)
         self._origin.put(0)
         simulation.state.particle_q.assign(self.start.particle_q)
         simulation.state.particle_qd.assign(self.start.particle_qd)
-        self._derived = record_derived(simulation)
+        self._given.take(0)
+        derived = record_derived(simulation)
         for first in range(0, self.steps, self.segment):
             self._checkpoints.take(first // self.segment)
             self._march(first, min(first + self.segment, self.steps), None)
@@ -131,14 +138,17 @@ class Rollout:
             )
         for state in self.states:
             _zero_gradients(state)
+        self._derived = derived
         if tape is not None:
             arrays = [self.start, *self.states]
             own = [array for state in arrays for array in (state.particle_q, state.particle_qd)]
             tape.record_func(self._go_back, [*own, *self.parameters.values()])
         return self.states
 
+    @launches_alone
     def backward(self, particle_q: Any = None, particle_qd: Any = None) -> dict[str, wp.array]:
-        """Gradients of a loss of which those with respect to ``states`` are given; after :meth:`forward`.
+        """Gradients of a loss of which those with respect to ``states`` are given; after :meth:`forward`, and before
+        parameters are written to. The simulation stays where it is.
 
         Args:
             particle_q, particle_qd: with respect to the positions and velocities of ``end``, shape
@@ -147,10 +157,11 @@ class Rollout:
 
         Returns:
             :attr:`gradients`, of this loss alone.
+
+        Raises:
+            InputError: there has been no :meth:`forward` that came to its end, a parameter is not what it was in it, a
+                tape is recording, or arrays have other shapes.
         """
-        _check_no_tape_records()
-        if self._derived is None:
-            raise InputError("There is nothing to go back through yet; call Rollout.forward first.")
         for gradient in self.gradients.values():
             gradient.zero_()
         if particle_q is not None or particle_qd is not None:
@@ -175,6 +186,8 @@ class Rollout:
         self._within = Snapshots(arrays, self.segment)
         self._origin = Snapshots(arrays, 1)
         self._origin.take(0)
+        self._present = Snapshots([*arrays, state.particle_f], 1)
+        self._given = Snapshots(list(self.parameters.values()), 1)
         self._start_time = simulation.time
         self._lasting = [*self.parameters.values(), self.model.particle_inv_mass, *self._memory]
 
@@ -190,9 +203,24 @@ class Rollout:
             if kept is None and (k + 1) % self.substeps == 0 and frame in self._observed:
                 self._observed[frame].copy_from(simulation.state)
 
+    @launches_alone
     def _go_back(self) -> None:
-        """Adds to the gradients what those of the observed states lead to."""
+        """Adds to the gradients what those of the observed states lead to, and leaves the simulation where it is."""
         _check_no_tape_records()
+        if self._derived is None:
+            raise InputError("There is nothing to go back through yet; call Rollout.forward first.")
+        changed = self._given.changed(0)
+        if changed:
+            name = list(self.parameters)[changed[0]]
+            raise InputError(f"Parameter '{name}' has changed since Rollout.forward; call that again, then go back.")
+        self._present.take(0)
+        try:
+            self._add_gradients()
+        finally:
+            self._present.put(0)
+            self.simulation.state.forces_current = False
+
+    def _add_gradients(self) -> None:
         assert self._derived is not None
         for array in self._memory:
             array.grad.zero_()

@@ -26,3 +26,8 @@ class Snapshots:
         """Puts back what was copied."""
         for copy, array in zip(self._copies[number], self.arrays, strict=True):
             wp.copy(array, copy)
+
+    def changed(self, number: int) -> list[int]:
+        """Which of the arrays no longer hold what was copied."""
+        pairs = zip(self._copies[number], self.arrays, strict=True)
+        return [k for k, (copy, array) in enumerate(pairs) if copy.numpy().tobytes() != array.numpy().tobytes()]

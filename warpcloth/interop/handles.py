@@ -23,7 +23,7 @@ class Handles(Hook):
         groups: of each handle, numbers of particles within a world; None: each pinned particle is a handle.
 
     Raises:
-        InputError: a particle that there is not, is not pinned, or is pinned with a motion of its own.
+        InputError: a particle that there is not, is not pinned, is pinned with a motion of its own, or is named twice.
 
     Attributes:
         velocity: of each handle in each world [m/s], vec3, shape [world_count, handles].
@@ -39,7 +39,10 @@ class Handles(Hook):
         held[model.moving_pins.particle.numpy()] = False
         held = held.reshape(worlds, size)
         rows = [[i] for i in np.flatnonzero(held.all(axis=0))] if groups is None else groups
+        if not isinstance(rows, Sequence | np.ndarray) or isinstance(rows, str):
+            raise InputError(f"Handles must be a list of lists of particles, got {type(rows).__name__}.")
         parts = [_checked(row, f"handles[{h}]", held) for h, row in enumerate(rows)]
+        _check_apart(parts)
         self.velocity = wp.zeros((worlds, len(parts)), dtype=model.vec3, device=model.device)
         own = np.concatenate([np.zeros(0, np.int32), *parts])
         world = np.repeat(np.arange(worlds), len(own))
@@ -77,3 +80,13 @@ def _checked(row: Any, what: str, held: np.ndarray) -> np.ndarray:
         world, k = free[0]
         raise InputError(f"{what} must name still pins, got particle {numbers[k]}, which is none in world {world}.")
     return numbers
+
+
+def _check_apart(parts: Sequence[np.ndarray]) -> None:
+    """No particle goes two ways at once."""
+    handle: dict[int, int] = {}
+    for h, part in enumerate(parts):
+        for number in part.tolist():
+            if number in handle:
+                raise InputError(f"handles[{h}] must not name particle {number}, which handles[{handle[number]}] has.")
+            handle[number] = h

@@ -9,7 +9,10 @@ import warp as wp
 from .. import validate
 from ..cloth import Cloth
 from ..errors import InputError
+from ..hooks import Hook
+from ..launching import launches
 from ..model import Model
+from ..model_parts import pairs_of_worlds, things_of_world
 from ..obstacles import Obstacle
 from ..simulation import Simulation
 from .handles import Handles
@@ -50,7 +53,8 @@ class VectorEnv:
             the host after each step.
 
     Raises:
-        InputError: worlds that differ in their numbers of particles, handles that are not pinned, values out of range.
+        InputError: worlds that differ in their numbers of particles, handles that are not pinned or have a particle in
+            common, values out of range.
 
     Attributes:
         simulation: the simulation; its model is the environment's own, as it holds where handles are.
@@ -74,11 +78,14 @@ class VectorEnv:
     ):
         count = validate.integer(worlds, "worlds", minimum=1, maximum=MAX_WORLDS)
         self.dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
-        scenes = [(cloths, obstacles)] * count if not callable(cloths) else [cloths(world) for world in range(count)]
+        if callable(cloths):
+            scenes = pairs_of_worlds([cloths(world) for world in range(count)])
+        else:
+            scenes = [things_of_world("", cloths, obstacles)] * count
         _check_alike([sum(len(cloth.points) for cloth in items) for items, _ in scenes])
         model = Model.build_worlds(scenes, device=device, precision=precision)
         self._handles = Handles(model, handles)
-        hooks = [self._handles, *options.pop("hooks", ())]
+        hooks = [self._handles, *validate.instances(options.pop("hooks", ()), Hook, "hooks")]
         self.simulation = Simulation(model, hooks=hooks, check=options.pop("check", False), **options)
         state, shape = self.simulation.state, (count, model.particle_count // count)
         self.positions, self.velocities = state.particle_q.reshape(shape), state.particle_qd.reshape(shape)
@@ -94,6 +101,7 @@ class VectorEnv:
         """(N, handles, 3)."""
         return self.worlds, self.actions.shape[1], 3
 
+    @launches
     def step(self, actions: Any = None) -> tuple[wp.array, wp.array]:
         """One step of ``dt`` in all worlds.
 

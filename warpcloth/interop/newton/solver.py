@@ -167,6 +167,8 @@ class SolverMassSpring(newton.solvers.SolverBase):
 
     def _particles(self, state: newton.State, what: str) -> State:
         """The state's own arrays, with our force and clock."""
+        if not isinstance(state, newton.State):
+            raise InputError(f"{what} must be a newton.State, got {type(state).__name__}.")
         q = self._array(state.particle_q, f"{what}.particle_q")
         return State(q, self._array(state.particle_qd, f"{what}.particle_qd"), self._force, self.world_time)
 
