@@ -8,7 +8,8 @@ from pxr import Sdf, Usd, UsdGeom
 from warpcloth.transforms import apply
 
 from ..usd.faces import mesh_triangles
-from ..usd.opening import local_matrix, transform_codes
+from ..usd.moving import transform_codes
+from ..usd.opening import local_matrix
 from ..usd.roles import CLOTH_ROLE, mark, set_number
 from ..usd.samples import SAMPLE_OVERHEAD, as_vectors, checked, vectors
 from ..usd.surface import VertexNormals, vertex_normals

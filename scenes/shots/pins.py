@@ -10,7 +10,8 @@ from warpcloth.errors import UsdError
 from warpcloth.motion import Motion
 from warpcloth.transforms import apply
 
-from ..usd.opening import transform_codes, world_matrix
+from ..usd.moving import path_codes
+from ..usd.opening import world_matrix
 from ..usd.rigid import are_rigid, rigid_motion
 from ..usd.samples import as_vectors
 from .motions import noted_motion
@@ -42,7 +43,7 @@ class MeshAnimation:
         """That of a mesh."""
         points = mesh.GetPointsAttr()
         deforms = points.ValueMightBeTimeVarying()
-        codes = set(transform_codes(mesh.GetPrim())) | set(points.GetTimeSamples() if deforms else ())
+        codes = set(path_codes(mesh.GetPrim())) | set(points.GetTimeSamples() if deforms else ())
         return MeshAnimation(mesh, start, sorted(codes), deforms)
 
     def points(self, code: float) -> np.ndarray:

@@ -12,8 +12,9 @@ from warpcloth.fabric import Fabric
 from warpcloth.obstacles import Obstacle
 
 from ..usd.failures import as_usd_error, quietly
+from ..usd.moving import transform_codes
 from ..usd.obstacle_reader import is_collider, read_obstacle
-from ..usd.opening import transform_codes, world_matrix
+from ..usd.opening import world_matrix
 from .cloth_prims import cloth_meshes, cloth_names, is_deformable, is_scattered, prim_at
 from .cloth_reader import ShotCloth, read_cloth
 from .motions import noted_motion, same_motion

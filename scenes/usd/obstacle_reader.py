@@ -10,7 +10,8 @@ from ...errors import UsdError
 from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
 from ...transforms import apply
 from .faces import mesh_triangles
-from .opening import transform_codes, world_matrix
+from .moving import path_codes
+from .opening import world_matrix
 from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
 from .roles import OBSTACLE_ROLE, has_schema, name_of, numbers, role_of
 from .samples import as_vectors
@@ -62,7 +63,7 @@ def read_obstacle(prim: Usd.Prim, origin: float = 0.0) -> Obstacle:
         return _mesh(UsdGeom.Mesh(prim), origin, common)
     for kind, make in _SHAPES.items():
         if prim.IsA(kind):
-            codes, seconds = _samples(prim, transform_codes(prim), origin)
+            codes, seconds = _samples(prim, path_codes(prim), origin)
             rest = world_matrix(prim, _rest_code(prim, codes))
             frame = split(rest)
             matrices = [world_matrix(prim, code) for code in codes]
@@ -89,7 +90,7 @@ def _material(prim: Usd.Prim) -> dict[str, float]:
 def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObstacle:
     prim, attribute = mesh.GetPrim(), mesh.GetPointsAttr()
     deforms = attribute.ValueMightBeTimeVarying()
-    varying = transform_codes(prim) + (attribute.GetTimeSamples() if deforms else [])
+    varying = path_codes(prim) + (attribute.GetTimeSamples() if deforms else [])
     codes, seconds = _samples(prim, varying, origin)
     rest = _points(mesh, _rest_code(prim, codes))
     if not deforms:
@@ -131,7 +132,7 @@ def _solid(shape: UsdGeom.Gprim, make: str, origin: float, common: dict[str, Any
     prim, axis = shape.GetPrim(), _axis(shape)
     solid = getattr(trimesh.creation, make)(_length(shape, "radius"), _length(shape, "height"), sections=SECTIONS)
     around = np.array(solid.vertices) - (0.0, 0.0, float(np.mean(solid.bounds[:, 2])))  # trimesh's cone stands at 0
-    codes, seconds = _samples(prim, transform_codes(prim), origin)
+    codes, seconds = _samples(prim, path_codes(prim), origin)
     points = np.roll(around, axis + 1, axis=1)  # z becomes the axis, and the right hand stays the right hand
     return _placed(prim, codes, seconds, points, np.array(solid.faces, np.int32), common)
 
