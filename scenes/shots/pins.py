@@ -3,23 +3,22 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import UsdGeom
 
 from warpcloth.cloth import PinSpec
 from warpcloth.errors import UsdError
 from warpcloth.motion import Motion
 from warpcloth.transforms import apply
 
-from ..usd.moving import path_codes
+from ..usd.moving import merged, path_codes
 from ..usd.opening import world_matrix
 from ..usd.rigid import are_rigid, rigid_motion
-from ..usd.samples import as_vectors
+from ..usd.skins import FIRST, PointSamples
 from .motions import noted_motion
 
 FAMILY = "pins"
 PRIMVARS = ("pins", "pintoanimation")  # ours, and Houdini's
 HELD = 0.5  # of a primvar, from which on a point is held
-FIRST = Usd.TimeCode.EarliestTime()
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,21 +29,20 @@ class MeshAnimation:
         mesh: it.
         start: time code of second 0.
         codes: time codes at which its points or its transform are sampled, in order; none if it stands still.
-        deforms: whether its points are sampled.
+        source: its points in its own frame.
     """
 
     mesh: UsdGeom.Mesh
     start: float
     codes: list[float]
-    deforms: bool
+    source: PointSamples
 
     @staticmethod
     def of(mesh: UsdGeom.Mesh, start: float) -> "MeshAnimation":
         """That of a mesh."""
-        points = mesh.GetPointsAttr()
-        deforms = points.ValueMightBeTimeVarying()
-        codes = set(path_codes(mesh.GetPrim())) | set(points.GetTimeSamples() if deforms else ())
-        return MeshAnimation(mesh, start, sorted(codes), deforms)
+        source = PointSamples.of(mesh)
+        codes = merged(mesh.GetPrim().GetStage(), path_codes(mesh.GetPrim()), source.codes)
+        return MeshAnimation(mesh, start, codes, source)
 
     def points(self, code: float) -> np.ndarray:
         """World positions [m] of the mesh's points, shape [n, 3].
@@ -52,7 +50,7 @@ class MeshAnimation:
         Raises:
             UsdError: their number changes, or they are not finite.
         """
-        values = as_vectors(self.mesh.GetPointsAttr().Get(code if self.deforms else FIRST))
+        values = self.source.at(code if self.source.codes else FIRST)
         count = len(self.mesh.GetPointsAttr().Get(FIRST) or ())
         where = f"Cloth {self.mesh.GetPath()} has"
         if len(values) != count:
@@ -71,7 +69,7 @@ class MeshAnimation:
         seconds = (np.array(self.codes) - self.start) / prim.GetStage().GetTimeCodesPerSecond()
         matrices = [world_matrix(prim, code) for code in self.codes]
         rest = world_matrix(prim, self.start)
-        if not self.deforms and are_rigid(rest, matrices):
+        if not self.source.codes and are_rigid(rest, matrices):
             return [PinSpec(indices, rigid_motion(rest, seconds, matrices))]
         paths = np.stack([self.points(code)[indices] for code in self.codes], axis=1) - first[:, None]
         still = np.zeros((len(seconds), 3))

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from pxr import Usd, UsdGeom
@@ -12,6 +12,7 @@ from .opening import frame_rate
 
 TURN = 3.0  # [°]; a straight way across it leaves the circle by 1/2900 of the radius
 MOST_TURNS = 1e4  # between two samples; more is no motion that anybody has made
+SAME = 1e-6  # of a frame, by which rounding may part two time codes that are one
 LINEAR = 1e-6  # relative, how far the linear parts of two equal transforms may be apart
 
 
@@ -25,7 +26,7 @@ def transform_codes(prim: Usd.Prim) -> list[float]:
         codes.update(xformable.GetTimeSamples())
         for op in xformable.GetOrderedXformOps():
             if op.GetAttr().HasSpline():
-                codes.update(_spline_codes(op.GetAttr()))
+                codes.update(frame_codes(prim.GetStage(), list(op.GetAttr().GetSpline().GetKnots().keys())))
     return sorted(codes)
 
 
@@ -44,15 +45,15 @@ def path_codes(prim: Usd.Prim) -> list[float]:
     ops = [op for xformable in _chain(prim) for op in xformable.GetOrderedXformOps() if op.MightBeTimeVarying()]
     turns = [op for op in ops if UsdGeom.XformOp.GetOpTypeToken(op.GetOpType()).startswith(("rotate", "orient"))]
     matrices = [op for op in ops if op.GetOpType() == UsdGeom.XformOp.TypeTransform]
-    result = codes[:1]
-    for before, after in itertools.pairwise(codes):
+
+    def pieces(before: float, after: float) -> int:
         angle = sum(_angle(op, before, after) for op in turns)
         if angle > 360.0 * MOST_TURNS:
             what = f"turns by {angle:g}° between time codes {before:g} and {after:g}"
             raise UsdError(f"Prim {prim.GetPath()} {what}, which is too fast to follow.")
-        pieces = 1 if any(_is_bent(op, before, after) for op in matrices) else max(1, math.ceil(angle / TURN))
-        result.extend(np.linspace(before, after, pieces + 1)[1:].tolist())
-    return result
+        return 1 if any(_is_bent(op, before, after) for op in matrices) else math.ceil(angle / TURN)
+
+    return _split(codes, pieces)
 
 
 def _chain(prim: Usd.Prim) -> Iterator[UsdGeom.Xformable]:
@@ -63,11 +64,31 @@ def _chain(prim: Usd.Prim) -> Iterator[UsdGeom.Xformable]:
         prim = prim.GetParent()
 
 
-def _spline_codes(attribute: Usd.Attribute) -> list[float]:
-    """Knots of a spline, and the frames between the first and the last."""
-    stage, knots = attribute.GetStage(), list(attribute.GetSpline().GetKnots().keys())
-    step = stage.GetTimeCodesPerSecond() / frame_rate(stage)
-    return [*knots, *np.arange(knots[0], knots[-1], step).tolist()] if knots else []
+def frame_codes(stage: Usd.Stage, codes: Sequence[float]) -> list[float]:
+    """Time codes in order, and between them as many that none is further than a frame from the next."""
+    step = _frame(stage)
+    return _split(codes, lambda before, after: math.ceil((after - before) / step - SAME))
+
+
+def merged(stage: Usd.Stage, *codes: Iterable[float]) -> list[float]:
+    """All the time codes, sorted, those that are the same but for rounding once."""
+    every = sorted({code for some in codes for code in some})
+    apart = SAME * _frame(stage)
+    return every[:1] + [after for before, after in itertools.pairwise(every) if after - before > apart]
+
+
+def _frame(stage: Usd.Stage) -> float:
+    """Time codes of a frame; 1 where the stage has no frame rate that is one."""
+    rate = frame_rate(stage)
+    return stage.GetTimeCodesPerSecond() / rate if 0.0 < rate < math.inf else 1.0
+
+
+def _split(codes: Sequence[float], pieces: Callable[[float, float], int]) -> list[float]:
+    """Time codes in order, and between each two those that cut what is between into so many equal pieces."""
+    result = list(codes[:1])
+    for before, after in itertools.pairwise(codes):
+        result.extend(np.linspace(before, after, max(1, pieces(before, after)) + 1)[1:].tolist())
+    return result
 
 
 def _angle(op: UsdGeom.XformOp, before: float, after: float) -> float:

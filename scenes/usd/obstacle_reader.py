@@ -10,13 +10,12 @@ from ...errors import UsdError
 from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
 from ...transforms import apply
 from .faces import mesh_triangles
-from .moving import path_codes
+from .moving import merged, path_codes
 from .opening import world_matrix
 from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
 from .roles import OBSTACLE_ROLE, has_schema, name_of, numbers, role_of
-from .samples import as_vectors
+from .skins import FIRST, PointSamples
 
-FIRST = Usd.TimeCode.EarliestTime()  # where a value is sampled but has no default
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
 SECTIONS = 64  # faces around a cylinder or cone
 
@@ -47,6 +46,11 @@ def is_collider(prim: Usd.Prim) -> bool:
         return role == OBSTACLE_ROLE
     cloth = has_schema(prim, "PhysicsSurfaceDeformableSimAPI")
     return prim.IsA(UsdGeom.Gprim) and prim.HasAPI(UsdPhysics.CollisionAPI) and _enabled(prim) and not cloth
+
+
+def is_solid(prim: Usd.Prim) -> bool:
+    """Whether ``prim`` is of a kind that can be an obstacle, as curves and clouds of points cannot."""
+    return any(prim.IsA(kind) for kind in (UsdGeom.Mesh, *_SHAPES, *_SOLIDS))
 
 
 def _enabled(prim: Usd.Prim) -> bool:
@@ -88,14 +92,12 @@ def _material(prim: Usd.Prim) -> dict[str, float]:
 
 
 def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObstacle:
-    prim, attribute = mesh.GetPrim(), mesh.GetPointsAttr()
-    deforms = attribute.ValueMightBeTimeVarying()
-    varying = path_codes(prim) + (attribute.GetTimeSamples() if deforms else [])
-    codes, seconds = _samples(prim, varying, origin)
-    rest = _points(mesh, _rest_code(prim, codes))
-    if not deforms:
+    prim, points = mesh.GetPrim(), PointSamples.of(mesh)
+    codes, seconds = _samples(prim, path_codes(prim) + points.codes, origin)
+    rest = points.at(_rest_code(prim, codes))
+    if not points.codes:
         return _placed(prim, codes, seconds, rest, mesh_triangles(mesh, rest), common)
-    samples = [_points(mesh, code) for code in codes]
+    samples = [points.at(code) for code in codes]
     if any(len(sample) != len(rest) for sample in samples):
         raise UsdError(f"Collider {prim.GetPath()} has sampled points of changing number; an obstacle keeps its mesh.")
     return _placed(prim, codes, seconds, rest, mesh_triangles(mesh, rest), common, samples)
@@ -139,7 +141,7 @@ def _solid(shape: UsdGeom.Gprim, make: str, origin: float, common: dict[str, Any
 
 def _samples(prim: Usd.Prim, codes: list[float], origin: float) -> tuple[list[float], np.ndarray]:
     """Sorted time codes, and their times [s]."""
-    ordered = sorted(set(codes))
+    ordered = merged(prim.GetStage(), codes)
     return ordered, (np.array(ordered) - origin) / prim.GetStage().GetTimeCodesPerSecond()
 
 
@@ -148,10 +150,6 @@ def _rest_code(prim: Usd.Prim, codes: list[float]) -> Usd.TimeCode:
     if role_of(prim):
         return Usd.TimeCode.Default()
     return Usd.TimeCode(codes[0]) if codes else FIRST
-
-
-def _points(mesh: UsdGeom.Mesh, code: Usd.TimeCode | float) -> np.ndarray:
-    return as_vectors(mesh.GetPointsAttr().Get(code))
 
 
 def _stretched(prim: Usd.Prim) -> UsdError:

@@ -1,0 +1,66 @@
+"""What of the prims below one that somebody names becomes cloth or collider."""
+
+import pytest
+from pxr import UsdGeom, UsdPhysics
+from shot_files import add_ball, add_cloth, add_mesh, new_stage, sheet
+from warpcloth.scenes.shots.shot import read_shot
+
+from warpcloth.errors import UsdError
+
+
+def add_body(stage, *names):
+    """Solids that do not say that they are colliders."""
+    stage.DefinePrim("/World/Body", "Xform")
+    solids = [add_ball(stage, f"/World/Body/{name}") for name in names]
+    for solid in solids:
+        solid.GetPrim().RemoveAPI(UsdPhysics.CollisionAPI)
+    return solids
+
+
+def obstacles(path, *colliders):
+    return [obstacle.name for obstacle in read_shot(path, ["/World/Shirt"], colliders).obstacles]
+
+
+@pytest.fixture
+def stage(tmp_path):
+    stage = new_stage(tmp_path / "shot.usda")
+    add_cloth(stage)
+    return stage
+
+
+@pytest.mark.parametrize("hidden", ["guide", "proxy", "invisible"])
+def test_what_no_picture_shows_is_no_collider_unless_there_is_no_other(tmp_path, stage, hidden):
+    skin, other = add_body(stage, "Skin", "Other")
+    if hidden == "invisible":
+        other.MakeInvisible()
+    else:
+        other.CreatePurposeAttr(hidden)
+    stage.Save()
+    path = tmp_path / "shot.usda"
+    assert obstacles(path, "/World/Body") == ["Skin"]
+    assert obstacles(path, "/World/Body/Other") == ["Other"]
+    skin.MakeInvisible()
+    stage.Save()
+    assert obstacles(path, "/World/Body") == ["Skin", "Other"]
+
+
+def test_hair_and_dust_are_no_colliders(tmp_path, stage):
+    add_body(stage, "Skin")
+    UsdGeom.BasisCurves.Define(stage, "/World/Body/Hair")
+    UsdGeom.Points.Define(stage, "/World/Body/Dust")
+    stage.Save()
+    assert obstacles(tmp_path / "shot.usda", "/World/Body") == ["Skin"]
+    with pytest.raises(UsdError, match="Collider /World/Body/Hair is a BasisCurves, which cannot be an obstacle"):
+        obstacles(tmp_path / "shot.usda", "/World/Body/Hair")
+
+
+def test_what_no_picture_shows_is_no_cloth_unless_there_is_no_other(tmp_path, stage):
+    for name, purpose in (("render", "render"), ("proxy", "proxy")):
+        add_mesh(stage, f"/World/Coat/{name}", sheet(3)).CreatePurposeAttr(purpose)
+    stage.Save()
+    path = tmp_path / "shot.usda"
+    assert [cloth.name for cloth in read_shot(path, ["/World/Coat"]).cloths] == ["render"]
+    assert [cloth.name for cloth in read_shot(path, ["/World/Coat/proxy"]).cloths] == ["proxy"]
+    stage.GetPrimAtPath("/World/Coat/render").SetActive(False)
+    stage.Save()
+    assert [cloth.name for cloth in read_shot(path, ["/World/Coat"]).cloths] == ["proxy"]
