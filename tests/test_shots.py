@@ -192,6 +192,38 @@ def test_one_instance_is_simulated_and_the_other_is_left_alone(tmp_path):
     assert np.all(cached_points(result.output, "/World/b/Shirt", 4)[:, 2] < 0.45)
 
 
+def test_a_collider_inside_an_instance_is_one_in_the_shot_too(tmp_path):
+    ball = new_stage(tmp_path / "ball.usda")
+    add_ball(ball, "/World/Ball").GetPrim().RemoveAPI(UsdPhysics.CollisionAPI)
+    ball.Save()
+    stage = new_stage(tmp_path / "shot.usda")
+    add_cloth(stage)
+    prim = stage.DefinePrim("/World/Set", "Xform")
+    prim.GetReferences().AddReference("./ball.usda")
+    prim.SetInstanceable(True)
+    stage.Save()
+    result = simulated(tmp_path / "shot.usda", collider=["/World/Set"])
+    assert check_cache(result.output).obstacles == 1
+
+
+@pytest.mark.parametrize("scheme", ["catmullClark", None])
+def test_smooth_meshes_have_no_stale_normals(tmp_path, scheme):
+    stage = new_stage(tmp_path / "shot.usda")
+    mesh = add_cloth(stage)
+    mesh.GetPrim().RemoveProperty("subdivisionScheme")
+    if scheme:
+        mesh.CreateSubdivisionSchemeAttr(scheme)
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("normals", Sdf.ValueTypeNames.Normal3fArray, "vertex")
+    primvar.Set([(0.0, 0.0, 1.0)] * 25)
+    stage.Save()
+    result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", integrator="xpbd", device="cpu")
+    assert check_cache(result.output).usd_errors == ()
+    shot = Usd.Stage.Open(str(result.output))
+    shirt = UsdGeom.Mesh.Get(shot, mesh.GetPath())
+    assert shirt.GetSubdivisionSchemeAttr().Get() == "catmullClark"
+    assert shirt.GetNormalsAttr().Get(4) is None
+
+
 @pytest.mark.parametrize("ending", [".usdc", ".usdz"])
 def test_packages_in_and_out(tmp_path, ending):
     export_scene(scene_from_toml(NAPKIN), tmp_path / "napkin.usdz")
