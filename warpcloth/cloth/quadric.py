@@ -6,8 +6,8 @@ x₀ + t₁ u + t₂ v + ½ x_uu u² + ½ x_vv v² + x_uv u v through the vertex
 weights. They are exact on quadratic surfaces whatever the mesh, which hinge angles and cotangent weights are not
 (Grinspun et al., Computing Discrete Shape Operators on General Meshes, 2006).
 
-Across a crease that the mesh does not resolve, as of a hem, neighbours stand on the tangent plane and seem to be next to
-the vertex, which would make bending there as stiff as in a mesh as fine as that; they are moved out within the plane.
+Across a crease that the mesh does not resolve, as of a hem, neighbours stand on the tangent plane and seem to be near
+it, which would make bending there as stiff as in a mesh as fine as that; they are moved out within the plane.
 
 One ring of neighbours is enough inside most meshes; where it is not, as at borders, two are taken. What a tiny mesh
 cannot tell (two triangles have one curvature, not three) is left out by a pseudo-inverse that never mistakes a tilt for
