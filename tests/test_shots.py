@@ -22,6 +22,7 @@ from shot_files import (
 from warpcloth.scenes import export_scene, load_scene, scene_from_toml, simulate
 from warpcloth.scenes.usd import check_cache
 from warpcloth.scenes.usd.check_stage import validator_errors
+from warpcloth.scenes.usd.playback import Playback
 
 from warpcloth.cli import run
 from warpcloth.errors import InputError, UsdError
@@ -323,3 +324,17 @@ def test_a_network_of_springs_swings_like_its_scene(tmp_path):
 def test_a_stage_is_not_exported_again(tmp_path):
     with pytest.raises(InputError, match=r"Scene 'shot' is a USD stage already, shot.usda."):
         export_scene(load_scene(small_shot(tmp_path / "shot.usda")), tmp_path / "again.usda")
+
+
+def test_a_shot_is_played_from_its_first_frame_on_with_obstacles_where_they_are(tmp_path):
+    stage = new_stage(tmp_path / "shot.usda", start=1001.0)
+    add_cloth(stage)
+    move = add_ball(stage).GetOrderedXformOps()[0]
+    for code in (1001.0, 1005.0):
+        move.Set(Gf.Vec3d(0.0, 0.0, 0.1 + 0.01 * (code - 1001.0)), code)
+    stage.Save()
+    playback = Playback(simulated(tmp_path / "shot.usda").output)
+    assert [playback.time(frame) for frame in (0, 3)] == [0.0, 0.125]
+    (ball,) = playback.obstacles
+    height = ball.center[2] + ball.matrix(playback.time(3))[2, 3]
+    assert height == pytest.approx(0.13, abs=1e-9)

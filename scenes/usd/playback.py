@@ -85,7 +85,7 @@ class Playback:
                 {code for prim in prims for code in UsdGeom.PointBased(prim).GetPointsAttr().GetTimeSamples()}
             )
             self.fps, self._rate = frame_rate(self.stage), self.stage.GetTimeCodesPerSecond()
-            self.obstacles: list[Obstacle] = read_obstacles(self.stage)
+            self.obstacles: list[Obstacle] = read_obstacles(self.stage, self.codes[0])
             self.cloths = [_cloth(prim) for prim in prims if prim.IsA(UsdGeom.Mesh)]
             self.networks = _networks(prims)
 
@@ -95,8 +95,8 @@ class Playback:
         return len(self.codes)
 
     def time(self, frame: int) -> float:
-        """Time of a frame [s]."""
-        return self.codes[frame] / self._rate
+        """Time of a frame [s], from the first one on: shots may start at any time code."""
+        return (self.codes[frame] - self.codes[0]) / self._rate
 
     def points(self, item: PlayedCloth | PlayedNetwork, frame: int) -> np.ndarray:
         """Positions of a cloth's vertices or a network's balls [m], shape [n, 3]."""
