@@ -1,11 +1,12 @@
-"""What of the prims below one that somebody names becomes cloth or collider."""
+"""What a stage says of itself, and what of the prims below one that somebody names becomes cloth or collider."""
 
 import pytest
 from pxr import UsdGeom, UsdPhysics
 from shot_files import add_ball, add_cloth, add_mesh, new_stage, sheet
+from warpcloth.scenes import load_scene
 from warpcloth.scenes.shots.shot import read_shot
 
-from warpcloth.errors import UsdError
+from warpcloth.errors import SceneError, UsdError
 
 
 def add_body(stage, *names):
@@ -64,3 +65,15 @@ def test_what_no_picture_shows_is_no_cloth_unless_there_is_no_other(tmp_path, st
     stage.GetPrimAtPath("/World/Coat/render").SetActive(False)
     stage.Save()
     assert [cloth.name for cloth in read_shot(path, ["/World/Coat"]).cloths] == ["proxy"]
+
+
+@pytest.mark.parametrize(("fps", "frames"), [(24.0, 4), (48.0, 8), (12.0, 2), (1e9, None)])
+def test_another_frame_rate_fills_the_same_time(tmp_path, stage, fps, frames):
+    stage.Save()
+    change = [f"fps={fps}"]
+    if frames is None:
+        with pytest.raises(SceneError, match=r"fps must be a number from 0.001 to 100,000"):
+            load_scene(tmp_path / "shot.usda", change)
+        return
+    assert load_scene(tmp_path / "shot.usda", change).frames == frames
+    assert load_scene(tmp_path / "shot.usda", [*change, "frames=3"]).frames == 3

@@ -208,7 +208,7 @@ def test_a_collider_inside_an_instance_is_one_in_the_shot_too(tmp_path):
 
 
 @pytest.mark.parametrize("scheme", ["catmullClark", None])
-def test_smooth_meshes_have_no_stale_normals(tmp_path, scheme):
+def test_smooth_meshes_have_no_stale_normals_nor_accelerations(tmp_path, scheme):
     stage = new_stage(tmp_path / "shot.usda")
     mesh = add_cloth(stage)
     mesh.GetPrim().RemoveProperty("subdivisionScheme")
@@ -216,6 +216,7 @@ def test_smooth_meshes_have_no_stale_normals(tmp_path, scheme):
         mesh.CreateSubdivisionSchemeAttr(scheme)
     primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("normals", Sdf.ValueTypeNames.Normal3fArray, "vertex")
     primvar.Set([(0.0, 0.0, 1.0)] * 25)
+    mesh.CreateAccelerationsAttr([(0.0, 0.0, 1.0)] * 25)
     stage.Save()
     result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", integrator="xpbd", device="cpu")
     assert check_cache(result.output).usd_errors == ()
@@ -223,6 +224,7 @@ def test_smooth_meshes_have_no_stale_normals(tmp_path, scheme):
     shirt = UsdGeom.Mesh.Get(shot, mesh.GetPath())
     assert shirt.GetSubdivisionSchemeAttr().Get() == "catmullClark"
     assert shirt.GetNormalsAttr().Get(4) is None
+    assert shirt.GetAccelerationsAttr().Get(4) is None
 
 
 @pytest.mark.parametrize("ending", [".usdc", ".usdz"])

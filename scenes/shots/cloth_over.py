@@ -17,9 +17,9 @@ from ..usd.surface import VertexNormals, vertex_normals
 from .cloth_reader import ShotCloth
 
 DEFAULT = Usd.TimeCode.Default()
-STALE = {  # normals of the mesh that do not turn with it, by whether it is made of facets
-    True: ("primvars:normals",),  # would be stronger than normals
-    False: ("normals", "primvars:normals"),  # smooth surfaces have theirs of their points
+STALE = {  # what the mesh has of its own that would be wrong now, by whether it is made of facets
+    True: {"primvars:normals": Sdf.ValueTypeNames.Normal3fArray},  # would be stronger than normals
+    False: dict.fromkeys(("normals", "primvars:normals"), Sdf.ValueTypeNames.Normal3fArray),  # follow from its points
 }
 
 
@@ -111,10 +111,10 @@ class ClothOver:
             self.over.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
         elif not self.source.GetSubdivisionSchemeAttr().HasAuthoredValue():
             self.over.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.catmullClark)  # as it is when nobody says
-        for name in STALE[self.faceted]:
-            normals = self.source.GetPrim().GetAttribute(name)
-            if normals and normals.HasAuthoredValue():
-                prim.CreateAttribute(name, Sdf.ValueTypeNames.Normal3fArray, custom=False).Block()
+        for name, kind in (STALE[self.faceted] | {"accelerations": Sdf.ValueTypeNames.Vector3fArray}).items():
+            attribute = self.source.GetPrim().GetAttribute(name)
+            if attribute and attribute.HasAuthoredValue():
+                prim.CreateAttribute(name, kind, custom=False).Block()
 
     def _set_rest(self) -> None:
         """A rest pose where the mesh has none, and what goes with it: an extent, and as many normals as points."""
