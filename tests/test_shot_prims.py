@@ -3,8 +3,9 @@
 import pytest
 from pxr import UsdGeom, UsdPhysics
 from shot_files import add_ball, add_cloth, add_mesh, new_stage, sheet
-from warpcloth.scenes import load_scene
+from warpcloth.scenes import load_scene, simulate
 from warpcloth.scenes.shots.shot import read_shot
+from warpcloth.scenes.usd.playback import can_play
 
 from warpcloth.errors import SceneError, UsdError
 
@@ -77,3 +78,16 @@ def test_another_frame_rate_fills_the_same_time(tmp_path, stage, fps, frames):
         return
     assert load_scene(tmp_path / "shot.usda", change).frames == frames
     assert load_scene(tmp_path / "shot.usda", [*change, "frames=3"]).frames == 3
+
+
+def test_an_animated_stage_is_no_cache_before_its_cloth_is_simulated(tmp_path, stage):
+    walker = add_mesh(stage, "/World/Walker", sheet(3))
+    for code in (0.0, 4.0):
+        walker.GetPointsAttr().Set(walker.GetPointsAttr().Get(), code)
+    stage.Save()
+    assert not can_play(tmp_path / "shot.usda")
+    simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", integrator="xpbd", device="cpu", frames=1)
+    assert can_play(tmp_path / "out.usda")
+    stage.RemovePrim("/World/Shirt")
+    stage.Save()
+    assert can_play(tmp_path / "shot.usda")

@@ -8,9 +8,8 @@ from pxr import Sdf, Usd, UsdGeom
 from warpcloth.errors import UsdError
 from warpcloth.meshes.usd import is_shown
 
-from ..usd.roles import has_schema, name_of
+from ..usd.roles import SIM_API, has_schema, name_of
 
-SIM_API = "PhysicsSurfaceDeformableSimAPI"
 BODY_API = "PhysicsDeformableBodyAPI"
 
 

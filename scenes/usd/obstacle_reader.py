@@ -13,7 +13,7 @@ from .faces import mesh_triangles
 from .moving import merged, path_codes
 from .opening import world_matrix
 from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
-from .roles import OBSTACLE_ROLE, has_schema, name_of, numbers, role_of
+from .roles import OBSTACLE_ROLE, SIM_API, has_schema, name_of, numbers, role_of
 from .skins import FIRST, PointSamples
 
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
@@ -44,7 +44,7 @@ def is_collider(prim: Usd.Prim) -> bool:
     role = role_of(prim)
     if role is not None:
         return role == OBSTACLE_ROLE
-    cloth = has_schema(prim, "PhysicsSurfaceDeformableSimAPI")
+    cloth = has_schema(prim, SIM_API)
     return prim.IsA(UsdGeom.Gprim) and prim.HasAPI(UsdPhysics.CollisionAPI) and _enabled(prim) and not cloth
 
 

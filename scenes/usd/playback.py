@@ -15,7 +15,7 @@ from .faces import mesh_triangles
 from .failures import as_usd_error, quietly
 from .obstacle_reader import read_obstacles
 from .opening import frame_rate, open_stage, world_matrix
-from .roles import NETWORK_ROLE, SPRINGS_ROLE, name_of, numbers, role_of
+from .roles import NETWORK_ROLE, SIM_API, SPRINGS_ROLE, has_schema, name_of, numbers, role_of
 from .samples import as_vectors
 
 PLAIN = (0.85, 0.82, 0.74)
@@ -119,13 +119,17 @@ class Playback:
 
 
 def can_play(path: str | os.PathLike) -> bool:
-    """Whether anything in a USD file moves as cloth does.
+    """Whether anything in a USD file moves as cloth does; not what is animated in a stage that is to be simulated yet.
 
     Raises:
         UsdError: the file cannot be read.
     """
     with as_usd_error(f"Cannot read {path}"), quietly():
-        return bool(simulated_prims(open_stage(path)))
+        stage = open_stage(path)
+        prims = simulated_prims(stage)
+        every = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+        done = any(role_of(prim) for prim in prims)
+        return bool(prims) and (done or not any(has_schema(prim, SIM_API) for prim in every))
 
 
 def _cloth(prim: Usd.Prim) -> PlayedCloth:
