@@ -116,19 +116,33 @@ def _primvar_pins(mesh: UsdGeom.Mesh, count: int) -> np.ndarray:
     held = np.zeros(count, bool)
     for name in PRIMVARS:
         primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar(name)
-        values = primvar.ComputeFlattened(FIRST) if primvar and primvar.HasAuthoredValue() else None
-        if values is None:
+        if not primvar or not primvar.HasAuthoredValue():
             continue
-        weights = np.atleast_1d(np.array(values, float))
-        if weights.shape == (1,):
-            weights = np.full(count, weights[0])
-        if weights.shape != (count,):
-            rule = "one for each point"
-            raise UsdError(
-                f"Cloth {mesh.GetPath()} has {len(weights)} values of primvars:{name}, but needs {rule}: {count}."
-            )
-        held |= weights >= HELD
+        first, *later = (_weights(mesh, primvar, code, count) >= HELD for code in _codes(primvar))
+        if any(not np.array_equal(first, other) for other in later):
+            rule = "pins hold from beginning to end"
+            raise UsdError(f"Cloth {mesh.GetPath()} has primvars:{name} that hold other points later; {rule}.")
+        held |= first
     return np.flatnonzero(held)
+
+
+def _codes(primvar: UsdGeom.Primvar) -> list[float]:
+    """Time codes at which a primvar may have different values."""
+    return (primvar.GetTimeSamples() if primvar.ValueMightBeTimeVarying() else []) or [FIRST]
+
+
+def _weights(mesh: UsdGeom.Mesh, primvar: UsdGeom.Primvar, code: float, count: int) -> np.ndarray:
+    """A primvar's value at each point, shape [count]; 0 where it has none."""
+    where, values = f"Cloth {mesh.GetPath()} has", primvar.ComputeFlattened(code)
+    weights = np.atleast_1d(np.array([0.0] if values is None else values))
+    if weights.ndim > 1 or weights.dtype.kind not in "biuf":
+        raise UsdError(f"{where} {primvar.GetName()} of type {primvar.GetTypeName()}, but pins are numbers.")
+    if weights.shape == (1,):
+        weights = np.full(count, weights[0])
+    if weights.shape != (count,):
+        rule = "one for each point"
+        raise UsdError(f"{where} {len(weights)} values of {primvar.GetName()}, but needs {rule}: {count}.")
+    return weights.astype(float)
 
 
 def _subset_points(mesh: UsdGeom.Mesh, subset: UsdGeom.Subset, count: int) -> np.ndarray:
