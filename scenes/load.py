@@ -152,7 +152,7 @@ def _with_stage(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
         return data  # what is wrong with it the schema says
     from .shots.opening import open_shot, stage_tables
 
-    fps = data.get("fps")
+    fps: Any = data.get("fps")
     rate = float(fps) if is_number(fps) and 0.0 < fps <= 1e5 else None  # what else it may be the schema refuses
     said = stage_tables(open_shot(folder / Path(path).expanduser()), rate)
     both = {key: {**value, **data[key]} for key, value in said.items() if _is_table(value) and _is_table(data.get(key))}
