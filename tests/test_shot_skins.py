@@ -72,6 +72,26 @@ def test_a_collider_follows_its_skeleton(tmp_path):
         np.testing.assert_allclose(solid.points_at(time), expected, atol=1e-6)
 
 
+def test_a_skeleton_in_an_instance_moves_where_the_instance_is(tmp_path):
+    body = new_stage(tmp_path / "body.usda")
+    add_skeleton(body)
+    add_solid(body, "/World/Body/Arm")
+    body.Save()
+    stage = new_stage(tmp_path / "shot.usda")
+    add_cloth(stage)
+    actor = stage.DefinePrim("/World/Actor", "Xform")
+    actor.GetReferences().AddReference("./body.usda")
+    actor.SetInstanceable(True)
+    move = UsdGeom.Xformable(actor).AddTranslateOp()
+    for code in (0.0, RATE):
+        move.Set(Gf.Vec3d(0.0, code / RATE, -0.2), code)
+    stage.Save()
+    (solid,) = read_shot(tmp_path / "shot.usda").obstacles
+    for time in (0.0, 0.25, 1.0):
+        expected = turned(sheet(2, 1.0, 0.45)[0], time) + np.array([0.0, time, -0.2])
+        np.testing.assert_allclose(solid.points_at(time), expected, atol=1e-6)
+
+
 def test_a_skeleton_without_animation_is_in_its_rest_pose(tmp_path):
     stage = new_stage(tmp_path / "shot.usda")
     add_cloth(stage)

@@ -51,10 +51,12 @@ class Skin:
     """What a skeleton does to a mesh.
 
     Attributes:
-        skeleton: the skeleton with its animation.
+        frame: the skeleton where it is in the stage; its query may know it inside a prototype only.
+        skeleton: the same with its animation.
         query: how the mesh hangs on it.
     """
 
+    frame: Usd.Prim
     skeleton: UsdSkel.SkeletonQuery
     query: UsdSkel.SkinningQuery
 
@@ -69,13 +71,14 @@ class Skin:
         for binding in cache.ComputeSkelBindings(root, walk):
             for query in binding.GetSkinningTargets():
                 if query.GetPrim() == mesh.GetPrim() and (query.HasJointInfluences() or query.HasBlendShapes()):
-                    return Skin(cache.GetSkelQuery(binding.GetSkeleton()), query)
+                    skeleton = binding.GetSkeleton()
+                    return Skin(skeleton.GetPrim(), cache.GetSkelQuery(skeleton), query)
         return None
 
     def codes(self) -> list[float]:
         """Time codes of the animation, each frame within it, and those of the skeleton's own way."""
         animation = self.skeleton.GetAnimQuery()
-        found = path_codes(self.skeleton.GetPrim()) if self.query.HasJointInfluences() else []
+        found = path_codes(self.frame) if self.query.HasJointInfluences() else []
         if animation:
             samples = {*animation.GetJointTransformTimeSamples(), *animation.GetBlendShapeWeightTimeSamples()}
             if len(samples) > 1:
@@ -94,7 +97,7 @@ class Skin:
             return self._checked(fits, moved)
         joints = self.skeleton.ComputeSkinningTransforms(Usd.TimeCode(code))
         fits = fits and joints is not None and self.query.ComputeSkinnedPoints(joints, moved, Usd.TimeCode(code))
-        to_local = local_matrix(prim, code) @ world_matrix(self.skeleton.GetPrim(), code)
+        to_local = local_matrix(prim, code) @ world_matrix(self.frame, code)
         return apply(to_local, self._checked(fits, moved))
 
     def _blend(self, points: Vt.Vec3fArray, code: Usd.TimeCode | float) -> bool:
