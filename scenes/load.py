@@ -12,6 +12,7 @@ from warpcloth.validate import is_utf8
 
 from .overrides import apply_overrides, shorten
 from .schema import Scene, explain, suggest
+from .schema.values import is_number
 
 BUNDLED = Path(__file__).parent / "bundled"
 STAGES = (".usd", ".usda", ".usdc", ".usdz")
@@ -151,7 +152,9 @@ def _with_stage(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
         return data  # what is wrong with it the schema says
     from .shots.opening import open_shot, stage_tables
 
-    said = stage_tables(open_shot(folder / Path(path).expanduser()))
+    fps: Any = data.get("fps")
+    rate = float(fps) if is_number(fps) and 0.0 < fps <= 1e5 else None  # what else it may be the schema refuses
+    said = stage_tables(open_shot(folder / Path(path).expanduser()), rate)
     both = {key: {**value, **data[key]} for key, value in said.items() if _is_table(value) and _is_table(data.get(key))}
     return {**said, **data, **both}
 

@@ -9,7 +9,7 @@ import sys
 import time
 
 import pytest
-from pxr import Usd, UsdGeom
+from pxr import Gf, Usd, UsdGeom
 from rich.text import Text
 from warpcloth.scenes import bundled_scenes
 
@@ -78,6 +78,23 @@ def test_check_finds_the_cache_of_simulate_sound(folder, capfd):
     assert err == ""
     assert run(["check", "out.usdc"]) == 0
     assert capfd.readouterr().out.startswith("out.usdc: sound")
+
+
+def test_check_counts_intersections_at_the_last_frame_or_at_every_one(folder, capfd):
+    """A corner goes through the cloth at frame 1, and is back at frame 2."""
+    assert simulate_small("-o", "out.usdc") == 0
+    stage = Usd.Stage.Open(str(folder / "out.usdc"))
+    points = UsdGeom.Mesh.Get(stage, "/World/Cloth/napkin").GetPointsAttr()
+    crossing = list(points.Get(1))
+    crossing[0] = crossing[10] * 2.0 - crossing[0] + Gf.Vec3f(0.0, 0.0, 0.2)
+    crossing[1] = crossing[10] - Gf.Vec3f(0.0, 0.0, 0.2)
+    points.Set(crossing, 1)
+    stage.Save()
+    for arguments, looked, found in ([], "last", False), (["--every"], "every", True):
+        capfd.readouterr()
+        run(["check", "out.usdc", *arguments])
+        assert f" with obstacles ({looked} frame)" in (text := capfd.readouterr().out)
+        assert ("  0 intersecting pairs" not in text) == found
 
 
 def test_check_of_a_spoilt_cache_has_exit_code_3(folder, capfd):

@@ -1,4 +1,4 @@
-"""Springs of triangle meshes: all moduli of the fabric in every direction, and a word where a mesh cannot have them."""
+"""Springs and bending of triangle meshes: all moduli of the fabric in every direction, and what a mesh cannot have."""
 
 import numpy as np
 import pytest
@@ -8,6 +8,8 @@ from scipy.spatial import Delaunay
 import warpcloth as wc
 from warpcloth.cloth.springs import SHEAR
 from warpcloth.errors import FabricWarning, InputError
+from warpcloth.meshes.trianglemesh import TriangleMesh
+from warpcloth.stability import bending_rates
 
 RESOLUTIONS = [6, 9, 13]
 
@@ -104,3 +106,22 @@ def test_limits_of_springs_are_said():
         wc.Cloth.from_mesh(mesh)
     with pytest.raises(InputError, match="springs must be one of 'stretch', 'shear', 'fitted', 'woven'"):
         wc.Cloth.disc(springs="fit")
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-4, 5e-5, 1e-6])
+def test_a_crease_that_the_mesh_cannot_follow_is_no_stiffer_than_it_can(gap):
+    """A hem: the cloth turns back within one cell, and lies over itself by ``gap``."""
+    cloth = wc.Cloth.grid((0.3, 0.3), (31, 21))
+    flat = cloth.points
+    hem = flat.copy()
+    over = flat[:, 0] > 1e-9
+    hem[over, 0] *= -1.0
+    hem[over, 2] += gap
+    fabric = wc.Fabric(bending_rigidity=1e-5, bend_stiffness=0.0)
+    rates = []
+    for points in (flat, hem):
+        mesh = TriangleMesh(points, cloth.triangles)
+        model = wc.Model.build([wc.Cloth.from_mesh(mesh, fabric=fabric, springs="woven")], device="cpu")
+        rates.append(bending_rates(model)[0, 0])
+    assert rates[0] > 0.0
+    assert rates[1] < 3.0 * rates[0]

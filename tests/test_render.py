@@ -322,6 +322,8 @@ MISTAKES = [
     (["-o", "film.avi"], "its name must end in .png, .jpg, .jpeg, .mp4, .gif."),
     (["-o", "no/where.mp4"], "does not exist"),
     (["--turntable", "--sheet", "4"], "either a turntable or a sheet"),
+    (["--frame", "1", "--sheet", "4"], "either of one frame or a sheet"),
+    (["--frame", "1", "--fps", "5"], "does not move, so it has no fps"),
     (["--frame", "1", "-o", "film.mp4"], "its name must end in .png"),
 ]
 

@@ -68,6 +68,20 @@ MISTAKES = [
         "the scene must not have [[cloth]] beside a [network], which is simulated alone",
     ),
     (
+        GRID + "fabric = { strain_limit = 0.05 }",
+        "cloth.0.fabric must have a strain_limit and a limit_stiffness, or neither, as one alone does nothing",
+    ),
+    (
+        GRID + '[[obstacle]]\nshape = "lathe"\noutline = [[0, 0], [1, 1], [1, 0], [0, 1]]',
+        "obstacle.0.outline must not cross itself, but its sides from items 0 and 2 do, "
+        "not [[0, 0], [1, 1], [1, 0], [0, 1]]",
+    ),
+    (
+        "[air]\nwind = [1, 0, 0]\n"
+        "[network]\npositions = [[0, 0, 0], [1, 0, 0]]\nmasses = 1\nsprings = [[0, 1]]\nk_s = 1",
+        "the scene must not have wind beside a [network], which has no surface that air could push",
+    ),
+    (
         GRID + 'name = "a b"',
         "cloth.0.name must be a name of letters, digits and _ that does not start with a digit, not 'a b'",
     ),

@@ -110,6 +110,17 @@ def pins_out_of_range(stage):
     pin_points(add_cloth(stage), [25])
 
 
+def pins_of_words(stage):
+    primvar = UsdGeom.PrimvarsAPI(add_cloth(stage)).CreatePrimvar("pins", Sdf.ValueTypeNames.StringArray, "vertex")
+    primvar.Set(["left"] * 25)
+
+
+def pins_that_let_go(stage):
+    primvar = UsdGeom.PrimvarsAPI(add_cloth(stage)).CreatePrimvar("pins", Sdf.ValueTypeNames.FloatArray, "vertex")
+    for code, weight in ((0, 1.0), (1, 0.9), (2, 0.0)):
+        primvar.Set([weight] * 25, code)
+
+
 def edge_pins(stage):
     subset = UsdGeom.Subset.Define(stage, add_cloth(stage).GetPath().AppendChild("pins"))
     subset.CreateElementTypeAttr("edge")
@@ -198,6 +209,8 @@ FAULTS = [
     (stiffer_in_shear, "The fabric of /World/Fabric cannot be used"),
     (pins_out_of_range, "The pins /World/Shirt/pins name point 25, which is not one of 0 to 24."),
     (edge_pins, "The pins /World/Shirt/pins are a subset of edges; make it one of points or faces."),
+    (pins_of_words, "Cloth /World/Shirt has primvars:pins of type string[], but pins are numbers."),
+    (pins_that_let_go, "Cloth /World/Shirt has primvars:pins that hold other points later; pins hold from beg"),
     (few_pin_weights, "Cloth /World/Shirt has 2 values of primvars:pins, but needs one for each point: 25."),
     (few_rest_points, "physics:restShapePoints must be one for each of its 25 points, and there are 1."),
     (no_such_grid, "says that it is a grid of resolution 5 × 5, but has other triangles"),

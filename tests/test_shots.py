@@ -22,6 +22,7 @@ from shot_files import (
 from warpcloth.scenes import export_scene, load_scene, scene_from_toml, simulate
 from warpcloth.scenes.usd import check_cache
 from warpcloth.scenes.usd.check_stage import validator_errors
+from warpcloth.scenes.usd.playback import Playback
 
 from warpcloth.cli import run
 from warpcloth.errors import InputError, UsdError
@@ -192,6 +193,40 @@ def test_one_instance_is_simulated_and_the_other_is_left_alone(tmp_path):
     assert np.all(cached_points(result.output, "/World/b/Shirt", 4)[:, 2] < 0.45)
 
 
+def test_a_collider_inside_an_instance_is_one_in_the_shot_too(tmp_path):
+    ball = new_stage(tmp_path / "ball.usda")
+    add_ball(ball, "/World/Ball").GetPrim().RemoveAPI(UsdPhysics.CollisionAPI)
+    ball.Save()
+    stage = new_stage(tmp_path / "shot.usda")
+    add_cloth(stage)
+    prim = stage.DefinePrim("/World/Set", "Xform")
+    prim.GetReferences().AddReference("./ball.usda")
+    prim.SetInstanceable(True)
+    stage.Save()
+    result = simulated(tmp_path / "shot.usda", collider=["/World/Set"])
+    assert check_cache(result.output).obstacles == 1
+
+
+@pytest.mark.parametrize("scheme", ["catmullClark", None])
+def test_smooth_meshes_have_no_stale_normals_nor_accelerations(tmp_path, scheme):
+    stage = new_stage(tmp_path / "shot.usda")
+    mesh = add_cloth(stage)
+    mesh.GetPrim().RemoveProperty("subdivisionScheme")
+    if scheme:
+        mesh.CreateSubdivisionSchemeAttr(scheme)
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("normals", Sdf.ValueTypeNames.Normal3fArray, "vertex")
+    primvar.Set([(0.0, 0.0, 1.0)] * 25)
+    mesh.CreateAccelerationsAttr([(0.0, 0.0, 1.0)] * 25)
+    stage.Save()
+    result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", integrator="xpbd", device="cpu")
+    assert check_cache(result.output).usd_errors == ()
+    shot = Usd.Stage.Open(str(result.output))
+    shirt = UsdGeom.Mesh.Get(shot, mesh.GetPath())
+    assert shirt.GetSubdivisionSchemeAttr().Get() == "catmullClark"
+    assert shirt.GetNormalsAttr().Get(4) is None
+    assert shirt.GetAccelerationsAttr().Get(4) is None
+
+
 @pytest.mark.parametrize("ending", [".usdc", ".usdz"])
 def test_packages_in_and_out(tmp_path, ending):
     export_scene(scene_from_toml(NAPKIN), tmp_path / "napkin.usdz")
@@ -291,3 +326,17 @@ def test_a_network_of_springs_swings_like_its_scene(tmp_path):
 def test_a_stage_is_not_exported_again(tmp_path):
     with pytest.raises(InputError, match=r"Scene 'shot' is a USD stage already, shot.usda."):
         export_scene(load_scene(small_shot(tmp_path / "shot.usda")), tmp_path / "again.usda")
+
+
+def test_a_shot_is_played_from_its_first_frame_on_with_obstacles_where_they_are(tmp_path):
+    stage = new_stage(tmp_path / "shot.usda", start=1001.0)
+    add_cloth(stage)
+    move = add_ball(stage).GetOrderedXformOps()[0]
+    for code in (1001.0, 1005.0):
+        move.Set(Gf.Vec3d(0.0, 0.0, 0.1 + 0.01 * (code - 1001.0)), code)
+    stage.Save()
+    playback = Playback(simulated(tmp_path / "shot.usda").output)
+    assert [playback.time(frame) for frame in (0, 3)] == [0.0, 0.125]
+    (ball,) = playback.obstacles
+    height = ball.center[2] + ball.matrix(playback.time(3))[2, 3]
+    assert height == pytest.approx(0.13, abs=1e-9)

@@ -106,3 +106,15 @@ def test_a_mesh_may_have_its_points_sampled_once(codes, moves):
     assert solid.moves is moves
     np.testing.assert_array_equal(solid.points_at(0.0), SQUARE)
     np.testing.assert_allclose(solid.points_at(1.0)[:, 2], float(moves), atol=1e-12)
+
+
+def test_holes_of_a_mesh_are_none_of_its_faces():
+    stage, prim = collider(UsdGeom.Mesh)
+    mesh = UsdGeom.Mesh(prim)
+    mesh.CreatePointsAttr([*SQUARE, (2.0, 0.0, 0.0), (2.0, 1.0, 0.0)])
+    mesh.CreateFaceVertexCountsAttr([4, 4])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3, 1, 4, 5, 2])
+    assert len(read_obstacles(stage)[0].triangles) == 4
+    mesh.CreateHoleIndicesAttr([0])
+    (solid,) = read_obstacles(stage)
+    assert sorted({*solid.triangles.ravel().tolist()}) == [1, 2, 4, 5]

@@ -70,7 +70,7 @@ class FabricTable(Table):
         None, "Coefficient of the air's force along the sheet."
     )
     strain_limit: Annotated[float, at_least_zero("", 10.0)] | None = field(
-        None, "Strain beyond which the sheet stiffens; by default it never does."
+        None, "Strain beyond which the sheet stiffens by `limit_stiffness`; by default it never does."
     )
     limit_stiffness: Annotated[float, at_least_zero("N/m", 1e7)] | None = field(
         None, "By how much the stretch stiffness along the warp is greater beyond the limit."
@@ -91,6 +91,8 @@ class FabricTable(Table):
     def _consistent(self) -> Self:
         if self.bending_length is not None and self.bending_rigidity is not None:
             raise refuse("must have a bending_length or a bending_rigidity, not both")
+        if (self.strain_limit is None) != (self.limit_stiffness is None):
+            raise refuse("must have a strain_limit and a limit_stiffness, or neither, as one alone does nothing")
         if self.name not in fabrics() and not self.model_fields_set - {"name", "color"} and self.name != _PLAIN.name:
             raise refuse(
                 f"must have properties of its own or the name of a fabric, not '{self.name}'{_suggestion(self.name)}"

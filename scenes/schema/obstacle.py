@@ -142,6 +142,9 @@ class LatheTable(ObstacleTable):
         for index, (radius, _) in enumerate(outline):
             if radius < 0.0:
                 raise refuse(f"must be on one side of the axis, but its item {index} has a radius below 0")
+        crossing = _crossing_sides(np.array(outline))
+        if crossing is not None:
+            raise refuse("must not cross itself, but its sides from items {} and {} do".format(*crossing))
         return outline
 
     def shaped(self, folder: Path, common: dict[str, Any]) -> obstacles.MeshObstacle:
@@ -153,6 +156,23 @@ class LatheTable(ObstacleTable):
             mesh.invert()
         transform = placement(self.position, np.radians(self.rotation))
         return obstacles.MeshObstacle.from_mesh(mesh, transform=transform, **common)
+
+
+def _crossing_sides(outline: np.ndarray) -> tuple[int, int] | None:
+    """The first two sides of a closed outline, shape [n, 2], that cross each other, each by its first corner."""
+    ends = np.roll(outline, -1, axis=0)
+    for side in range(len(outline)):
+        a, b, c, d = outline[side], ends[side], outline[side + 1 :], ends[side + 1 :]
+        across = (_side_of(a, b, c) * _side_of(a, b, d) < 0.0) & (_side_of(c, d, a) * _side_of(c, d, b) < 0.0)
+        if across.any():
+            return side, side + 1 + int(np.argmax(across))
+    return None
+
+
+def _side_of(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """On which side of lines points lie: −1, 0 or 1."""
+    along, to = end - start, points - start
+    return np.sign(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
 
 
 OBSTACLES = (PlaneTable, SphereTable, CapsuleTable, BoxTable, LatheTable, MeshObstacleTable)

@@ -104,6 +104,8 @@ class Scene(Table):
         others += alone[1:]
         if alone and others:
             raise refuse(f"must not have {others[0]} beside a {alone[0]}, which is simulated alone")
+        if self.network is not None and (any(self.air.wind) or self.air.turbulence > 0.0):
+            raise refuse("must not have wind beside a [network], which has no surface that air could push")
         return self
 
     @model_validator(mode="after")

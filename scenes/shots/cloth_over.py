@@ -3,18 +3,24 @@
 from collections.abc import Sequence
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, UsdSkel
 
 from warpcloth.transforms import apply
 
 from ..usd.faces import mesh_triangles
-from ..usd.opening import local_matrix, transform_codes
+from ..usd.moving import transform_codes
+from ..usd.opening import local_matrix
 from ..usd.roles import CLOTH_ROLE, mark, set_number
 from ..usd.samples import SAMPLE_OVERHEAD, as_vectors, checked, vectors
+from ..usd.skins import Skin
 from ..usd.surface import VertexNormals, vertex_normals
 from .cloth_reader import ShotCloth
 
 DEFAULT = Usd.TimeCode.Default()
+STALE = {  # what the mesh has of its own that would be wrong now, by whether it is made of facets
+    True: {"primvars:normals": Sdf.ValueTypeNames.Normal3fArray},  # would be stronger than normals
+    False: dict.fromkeys(("normals", "primvars:normals"), Sdf.ValueTypeNames.Normal3fArray),  # follow from its points
+}
 
 
 class ClothOver:
@@ -34,7 +40,9 @@ class ClothOver:
         self.source, self.part, self.instant = part.mesh, part, instant
         prim = part.mesh.GetPrim()
         self.over = UsdGeom.Mesh(layer.OverridePrim(prim.GetPath()))
-        _single_out(layer, prim)
+        single_out(layer, prim)
+        if Skin.of(part.mesh):  # it would be moved once more
+            UsdSkel.BindingAPI(self.over.GetPrim()).CreateSkeletonRel().SetTargets([])
         self.moves = bool(transform_codes(prim))
         self.rate = prim.GetStage().GetTimeCodesPerSecond()
         self.to_local, *_ = (local_matrix(prim, code) for code in (codes if self.moves else codes[:1]))
@@ -101,9 +109,12 @@ class ClothOver:
         if self.faceted:
             self.over.CreateNormalsAttr()
             self.over.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-            primvar = self.source.GetPrim().GetAttribute("primvars:normals")
-            if primvar and primvar.HasAuthoredValue():  # would be stronger than normals
-                prim.CreateAttribute("primvars:normals", Sdf.ValueTypeNames.Normal3fArray, custom=False).Block()
+        elif not self.source.GetSubdivisionSchemeAttr().HasAuthoredValue():
+            self.over.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.catmullClark)  # as it is when nobody says
+        for name, kind in (STALE[self.faceted] | {"accelerations": Sdf.ValueTypeNames.Vector3fArray}).items():
+            attribute = self.source.GetPrim().GetAttribute(name)
+            if attribute and attribute.HasAuthoredValue():
+                prim.CreateAttribute(name, kind, custom=False).Block()
 
     def _set_rest(self) -> None:
         """A rest pose where the mesh has none, and what goes with it: an extent, and as many normals as points."""
@@ -117,8 +128,8 @@ class ClothOver:
             self._set_points(stored, DEFAULT)
 
 
-def _single_out(layer: Usd.Stage, prim: Usd.Prim) -> None:
-    """Lets the instances that a mesh is in be no instances any more, as nothing can be said of parts of these."""
+def single_out(layer: Usd.Stage, prim: Usd.Prim) -> None:
+    """Lets the instances that a prim is in be no instances any more, as nothing can be said of parts of these."""
     stage = prim.GetStage()
     for path in prim.GetPath().GetPrefixes():
         if stage.GetPrimAtPath(path).IsInstance():

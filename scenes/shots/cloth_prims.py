@@ -6,10 +6,10 @@ from difflib import get_close_matches
 from pxr import Sdf, Usd, UsdGeom
 
 from warpcloth.errors import UsdError
+from warpcloth.meshes.usd import is_shown
 
-from ..usd.roles import has_schema, name_of
+from ..usd.roles import SIM_API, has_schema, name_of
 
-SIM_API = "PhysicsSurfaceDeformableSimAPI"
 BODY_API = "PhysicsDeformableBodyAPI"
 
 
@@ -95,7 +95,8 @@ def _meshes(stage: Usd.Stage) -> Iterator[UsdGeom.Mesh]:
 
 def _below(stage: Usd.Stage, path: str, meshes: Sequence[UsdGeom.Mesh], file: str) -> list[UsdGeom.Mesh]:
     prim = prim_at(stage, path, file)
-    found = [mesh for mesh in meshes if mesh.GetPath().HasPrefix(prim.GetPath())]
+    below = [mesh for mesh in meshes if mesh.GetPath().HasPrefix(prim.GetPath())]
+    found = [mesh for mesh in below if mesh.GetPrim() == prim or is_shown(mesh)] or below
     if not found and is_scattered(prim):
         rule = "make its instances prims of their own"
         raise UsdError(f"Prim {path} in {file} is scattered by a point instancer and cannot be cloth; {rule}.")

@@ -15,9 +15,8 @@ from warpcloth.meshes.usd import prim_mesh
 from warpcloth.validate import sentence
 
 from ..usd.opening import world_matrix
-from ..usd.roles import has_schema
+from ..usd.roles import SIM_API, has_schema
 from ..usd.samples import as_vectors
-from .cloth_prims import SIM_API
 from .materials import read_fabric
 from .notes import noted
 from .pins import MeshAnimation, read_pins

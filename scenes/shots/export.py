@@ -20,10 +20,11 @@ from ..usd.mesh_prims import ClothPrim
 from ..usd.network_prims import NetworkPrim
 from ..usd.obstacle_prims import ObstaclePrim
 from ..usd.paths import Target, output_target, publish
+from ..usd.roles import SIM_API
 from ..usd.samples import integers
 from ..usd.stage import CLOTH, MATERIALS, OBSTACLES, ROOT, create_stage, prim_names, usd_dictionary
 from ..usd.writer import surroundings
-from .cloth_prims import BODY_API, SIM_API
+from .cloth_prims import BODY_API
 from .materials import write_material
 from .motions import note_motion
 from .network import note_network

@@ -19,7 +19,7 @@ from ..usd.growing import GrowingStage
 from ..usd.paths import Target, output_target, publish
 from ..usd.stage import ASSET, PROVENANCE, new_stage, with_provenance
 from ..usd.writer import check_rate
-from .cloth_over import ClothOver
+from .cloth_over import ClothOver, single_out
 from .network import NetworkOver
 from .shot import Shot
 
@@ -64,6 +64,7 @@ class ShotWriter(FrameWriter):
             if shot.network is not None:
                 overs[shot.network.network.name] = NetworkOver(file.stage, shot.network)
             for collider in shot.colliders:
+                single_out(file.stage, shot.stage.GetPrimAtPath(collider))
                 file.stage.OverridePrim(collider).AddAppliedSchema(COLLISION_API)
             super().__init__(file, float(fps), overs, [])
             file.save()

@@ -43,13 +43,17 @@ def first_code(stage: Usd.Stage) -> float:
     return code
 
 
-def stage_tables(stage: Usd.Stage) -> dict[str, Any]:
+def stage_tables(stage: Usd.Stage, fps: float | None = None) -> dict[str, Any]:
     """What a stage says of frames, gravity and, where warpcloth wrote it, all else: raw tables of a scene.
+
+    Args:
+        stage: any stage.
+        fps: frames per second that its range of time codes is to be cut into; None: those that it says.
 
     Raises:
         UsdError: its range of time codes is endless.
     """
-    tables: dict[str, Any] = {"fps": frame_rate(stage)}
+    tables: dict[str, Any] = {"fps": frame_rate(stage) if fps is None else fps}
     if stage.HasAuthoredTimeCodeRange() and np.isfinite(tables["fps"]):
         start, end = first_code(stage), stage.GetEndTimeCode()
         frames = (end - start) * tables["fps"] / stage.GetTimeCodesPerSecond()

@@ -3,22 +3,22 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import UsdGeom
 
 from warpcloth.cloth import PinSpec
 from warpcloth.errors import UsdError
 from warpcloth.motion import Motion
 from warpcloth.transforms import apply
 
-from ..usd.opening import transform_codes, world_matrix
+from ..usd.moving import merged, path_codes
+from ..usd.opening import world_matrix
 from ..usd.rigid import are_rigid, rigid_motion
-from ..usd.samples import as_vectors
+from ..usd.skins import FIRST, PointSamples
 from .motions import noted_motion
 
 FAMILY = "pins"
 PRIMVARS = ("pins", "pintoanimation")  # ours, and Houdini's
 HELD = 0.5  # of a primvar, from which on a point is held
-FIRST = Usd.TimeCode.EarliestTime()
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,21 +29,20 @@ class MeshAnimation:
         mesh: it.
         start: time code of second 0.
         codes: time codes at which its points or its transform are sampled, in order; none if it stands still.
-        deforms: whether its points are sampled.
+        source: its points in its own frame.
     """
 
     mesh: UsdGeom.Mesh
     start: float
     codes: list[float]
-    deforms: bool
+    source: PointSamples
 
     @staticmethod
     def of(mesh: UsdGeom.Mesh, start: float) -> "MeshAnimation":
         """That of a mesh."""
-        points = mesh.GetPointsAttr()
-        deforms = points.ValueMightBeTimeVarying()
-        codes = set(transform_codes(mesh.GetPrim())) | set(points.GetTimeSamples() if deforms else ())
-        return MeshAnimation(mesh, start, sorted(codes), deforms)
+        source = PointSamples.of(mesh)
+        codes = merged(mesh.GetPrim().GetStage(), path_codes(mesh.GetPrim()), source.codes)
+        return MeshAnimation(mesh, start, codes, source)
 
     def points(self, code: float) -> np.ndarray:
         """World positions [m] of the mesh's points, shape [n, 3].
@@ -51,7 +50,7 @@ class MeshAnimation:
         Raises:
             UsdError: their number changes, or they are not finite.
         """
-        values = as_vectors(self.mesh.GetPointsAttr().Get(code if self.deforms else FIRST))
+        values = self.source.at(code if self.source.codes else FIRST)
         count = len(self.mesh.GetPointsAttr().Get(FIRST) or ())
         where = f"Cloth {self.mesh.GetPath()} has"
         if len(values) != count:
@@ -70,7 +69,7 @@ class MeshAnimation:
         seconds = (np.array(self.codes) - self.start) / prim.GetStage().GetTimeCodesPerSecond()
         matrices = [world_matrix(prim, code) for code in self.codes]
         rest = world_matrix(prim, self.start)
-        if not self.deforms and are_rigid(rest, matrices):
+        if not self.source.codes and are_rigid(rest, matrices):
             return [PinSpec(indices, rigid_motion(rest, seconds, matrices))]
         paths = np.stack([self.points(code)[indices] for code in self.codes], axis=1) - first[:, None]
         still = np.zeros((len(seconds), 3))
@@ -117,19 +116,33 @@ def _primvar_pins(mesh: UsdGeom.Mesh, count: int) -> np.ndarray:
     held = np.zeros(count, bool)
     for name in PRIMVARS:
         primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar(name)
-        values = primvar.ComputeFlattened(FIRST) if primvar and primvar.HasAuthoredValue() else None
-        if values is None:
+        if not primvar or not primvar.HasAuthoredValue():
             continue
-        weights = np.atleast_1d(np.array(values, float))
-        if weights.shape == (1,):
-            weights = np.full(count, weights[0])
-        if weights.shape != (count,):
-            rule = "one for each point"
-            raise UsdError(
-                f"Cloth {mesh.GetPath()} has {len(weights)} values of primvars:{name}, but needs {rule}: {count}."
-            )
-        held |= weights >= HELD
+        first, *later = (_weights(mesh, primvar, code, count) >= HELD for code in _codes(primvar))
+        if any(not np.array_equal(first, other) for other in later):
+            rule = "pins hold from beginning to end"
+            raise UsdError(f"Cloth {mesh.GetPath()} has primvars:{name} that hold other points later; {rule}.")
+        held |= first
     return np.flatnonzero(held)
+
+
+def _codes(primvar: UsdGeom.Primvar) -> list[float]:
+    """Time codes at which a primvar may have different values."""
+    return (primvar.GetTimeSamples() if primvar.ValueMightBeTimeVarying() else []) or [FIRST]
+
+
+def _weights(mesh: UsdGeom.Mesh, primvar: UsdGeom.Primvar, code: float, count: int) -> np.ndarray:
+    """A primvar's value at each point, shape [count]; 0 where it has none."""
+    where, values = f"Cloth {mesh.GetPath()} has", primvar.ComputeFlattened(code)
+    weights = np.atleast_1d(np.array([0.0] if values is None else values))
+    if weights.ndim > 1 or weights.dtype.kind not in "biuf":
+        raise UsdError(f"{where} {primvar.GetName()} of type {primvar.GetTypeName()}, but pins are numbers.")
+    if weights.shape == (1,):
+        weights = np.full(count, weights[0])
+    if weights.shape != (count,):
+        rule = "one for each point"
+        raise UsdError(f"{where} {len(weights)} values of {primvar.GetName()}, but needs {rule}: {count}.")
+    return weights.astype(float)
 
 
 def _subset_points(mesh: UsdGeom.Mesh, subset: UsdGeom.Subset, count: int) -> np.ndarray:

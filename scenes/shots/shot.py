@@ -4,16 +4,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pxr import Sdf, Usd
+from pxr import Sdf, Usd, UsdGeom
 
 from warpcloth.cloth import Cloth
 from warpcloth.errors import UsdError
 from warpcloth.fabric import Fabric
+from warpcloth.meshes.usd import is_shown
 from warpcloth.obstacles import Obstacle
 
 from ..usd.failures import as_usd_error, quietly
-from ..usd.obstacle_reader import is_collider, read_obstacle
-from ..usd.opening import transform_codes, world_matrix
+from ..usd.moving import transform_codes
+from ..usd.obstacle_reader import is_collider, is_solid, read_obstacle
+from ..usd.opening import world_matrix
 from .cloth_prims import cloth_meshes, cloth_names, is_deformable, is_scattered, prim_at
 from .cloth_reader import ShotCloth, read_cloth
 from .motions import noted_motion, same_motion
@@ -88,14 +90,14 @@ def read_shot(
 
 
 def _gprims(stage: Usd.Stage, path: str, file: str) -> list[Usd.Prim]:
-    """The shapes at or below a path."""
-    from pxr import UsdGeom
-
-    below = Usd.PrimRange(prim_at(stage, path, file), Usd.TraverseInstanceProxies())
+    """The shape at a path, and the shapes below it: solid ones, and of these the visible ones, if there are any."""
+    top = prim_at(stage, path, file)
+    below = Usd.PrimRange(top, Usd.TraverseInstanceProxies())
     found = [prim for prim in below if prim.IsA(UsdGeom.Gprim) and not is_deformable(prim)]
+    solid = [prim for prim in found if prim == top or is_solid(prim)]
     if not found:
         raise UsdError(f"Prim {path} in {file} has no shape in it that cloth could collide with.")
-    return found
+    return [prim for prim in solid if prim == top or is_shown(UsdGeom.Imageable(prim))] or solid or found
 
 
 def _obstacle(prim: Usd.Prim, start: float) -> Obstacle:

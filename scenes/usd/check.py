@@ -78,6 +78,7 @@ class _Check:
             finite=all(check.finite for check in self.checks),
             intersections=self.intersections,
             obstacle_intersections=self.obstacle_intersections,
+            checked_frames=len(self.codes) if every else 1,
             max_penetration_m=self.deepest,
             deepest_frame=self.deepest_frame,
             max_strain=max(cloth.max_strain for cloth in cloths),

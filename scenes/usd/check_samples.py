@@ -8,7 +8,8 @@ from pxr import Usd, UsdGeom
 from ...transforms import apply
 from .check_static import extent_fault, sampling_faults, topology_faults
 from .faces import face_fault, mesh_triangles
-from .opening import transform_codes, world_matrix
+from .moving import transform_codes
+from .opening import world_matrix
 from .report import ClothCheck
 from .roles import REST_LENGTHS, SPRINGS_ROLE, name_of, role_of
 from .samples import as_vectors

@@ -4,12 +4,12 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from ...errors import MeshError
-from ...meshes.triangulate import triangulate
+from ...meshes.triangulate import triangulate, without_holes
 from .samples import integers
 
 
 def mesh_triangles(mesh: UsdGeom.Mesh, points: np.ndarray) -> np.ndarray:
-    """Triangles of a mesh, polygons cut up, counter-clockwise seen from the front; int32, shape [m, 3].
+    """Triangles of a mesh, polygons cut up, holes left out, counter-clockwise seen from the front; int32, shape [m, 3].
 
     Raises:
         MeshError: when there are none, or they refer to points that do not exist.
@@ -18,7 +18,8 @@ def mesh_triangles(mesh: UsdGeom.Mesh, points: np.ndarray) -> np.ndarray:
     if fault:
         raise MeshError(f"Mesh {mesh.GetPath()} {fault}.")
     counts, corners = _faces(mesh)
-    triangles = corners[triangulate(points, counts, corners)]
+    holes = mesh.GetHoleIndicesAttr().Get(Usd.TimeCode.EarliestTime())
+    triangles = corners[without_holes(triangulate(points, counts, corners), counts, holes)]
     if mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
         triangles = triangles[:, ::-1]
     return np.ascontiguousarray(triangles, np.int32)

@@ -10,12 +10,12 @@ from ...errors import UsdError
 from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
 from ...transforms import apply
 from .faces import mesh_triangles
-from .opening import transform_codes, world_matrix
+from .moving import merged, path_codes
+from .opening import world_matrix
 from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
-from .roles import OBSTACLE_ROLE, has_schema, name_of, numbers, role_of
-from .samples import as_vectors
+from .roles import OBSTACLE_ROLE, SIM_API, has_schema, name_of, numbers, role_of
+from .skins import FIRST, PointSamples
 
-FIRST = Usd.TimeCode.EarliestTime()  # where a value is sampled but has no default
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
 SECTIONS = 64  # faces around a cylinder or cone
 
@@ -44,8 +44,13 @@ def is_collider(prim: Usd.Prim) -> bool:
     role = role_of(prim)
     if role is not None:
         return role == OBSTACLE_ROLE
-    cloth = has_schema(prim, "PhysicsSurfaceDeformableSimAPI")
+    cloth = has_schema(prim, SIM_API)
     return prim.IsA(UsdGeom.Gprim) and prim.HasAPI(UsdPhysics.CollisionAPI) and _enabled(prim) and not cloth
+
+
+def is_solid(prim: Usd.Prim) -> bool:
+    """Whether ``prim`` is of a kind that can be an obstacle, as curves and clouds of points cannot."""
+    return any(prim.IsA(kind) for kind in (UsdGeom.Mesh, *_SHAPES, *_SOLIDS))
 
 
 def _enabled(prim: Usd.Prim) -> bool:
@@ -62,7 +67,7 @@ def read_obstacle(prim: Usd.Prim, origin: float = 0.0) -> Obstacle:
         return _mesh(UsdGeom.Mesh(prim), origin, common)
     for kind, make in _SHAPES.items():
         if prim.IsA(kind):
-            codes, seconds = _samples(prim, transform_codes(prim), origin)
+            codes, seconds = _samples(prim, path_codes(prim), origin)
             rest = world_matrix(prim, _rest_code(prim, codes))
             frame = split(rest)
             matrices = [world_matrix(prim, code) for code in codes]
@@ -87,14 +92,12 @@ def _material(prim: Usd.Prim) -> dict[str, float]:
 
 
 def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObstacle:
-    prim, attribute = mesh.GetPrim(), mesh.GetPointsAttr()
-    deforms = attribute.ValueMightBeTimeVarying()
-    varying = transform_codes(prim) + (attribute.GetTimeSamples() if deforms else [])
-    codes, seconds = _samples(prim, varying, origin)
-    rest = _points(mesh, _rest_code(prim, codes))
-    if not deforms:
+    prim, points = mesh.GetPrim(), PointSamples.of(mesh)
+    codes, seconds = _samples(prim, path_codes(prim) + points.codes, origin)
+    rest = points.at(_rest_code(prim, codes))
+    if not points.codes:
         return _placed(prim, codes, seconds, rest, mesh_triangles(mesh, rest), common)
-    samples = [_points(mesh, code) for code in codes]
+    samples = [points.at(code) for code in codes]
     if any(len(sample) != len(rest) for sample in samples):
         raise UsdError(f"Collider {prim.GetPath()} has sampled points of changing number; an obstacle keeps its mesh.")
     return _placed(prim, codes, seconds, rest, mesh_triangles(mesh, rest), common, samples)
@@ -131,14 +134,14 @@ def _solid(shape: UsdGeom.Gprim, make: str, origin: float, common: dict[str, Any
     prim, axis = shape.GetPrim(), _axis(shape)
     solid = getattr(trimesh.creation, make)(_length(shape, "radius"), _length(shape, "height"), sections=SECTIONS)
     around = np.array(solid.vertices) - (0.0, 0.0, float(np.mean(solid.bounds[:, 2])))  # trimesh's cone stands at 0
-    codes, seconds = _samples(prim, transform_codes(prim), origin)
+    codes, seconds = _samples(prim, path_codes(prim), origin)
     points = np.roll(around, axis + 1, axis=1)  # z becomes the axis, and the right hand stays the right hand
     return _placed(prim, codes, seconds, points, np.array(solid.faces, np.int32), common)
 
 
 def _samples(prim: Usd.Prim, codes: list[float], origin: float) -> tuple[list[float], np.ndarray]:
     """Sorted time codes, and their times [s]."""
-    ordered = sorted(set(codes))
+    ordered = merged(prim.GetStage(), codes)
     return ordered, (np.array(ordered) - origin) / prim.GetStage().GetTimeCodesPerSecond()
 
 
@@ -147,10 +150,6 @@ def _rest_code(prim: Usd.Prim, codes: list[float]) -> Usd.TimeCode:
     if role_of(prim):
         return Usd.TimeCode.Default()
     return Usd.TimeCode(codes[0]) if codes else FIRST
-
-
-def _points(mesh: UsdGeom.Mesh, code: Usd.TimeCode | float) -> np.ndarray:
-    return as_vectors(mesh.GetPointsAttr().Get(code))
 
 
 def _stretched(prim: Usd.Prim) -> UsdError:

@@ -78,13 +78,3 @@ def local_matrix(prim: Usd.Prim, code: Usd.TimeCode | float) -> np.ndarray:
 def _at(code: Usd.TimeCode | float) -> str:
     numeric = Usd.TimeCode(code).IsNumeric() and Usd.TimeCode(code) != Usd.TimeCode.EarliestTime()
     return f" at time code {Usd.TimeCode(code).GetValue():g}" if numeric else ""
-
-
-def transform_codes(prim: Usd.Prim) -> list[float]:
-    """Time codes at which the prim or one of its parents has a sampled transform, sorted."""
-    codes: set[float] = set()
-    while prim and not prim.IsPseudoRoot():
-        if prim.IsA(UsdGeom.Xformable):
-            codes.update(UsdGeom.Xformable(prim).GetTimeSamples())
-        prim = prim.GetParent()
-    return sorted(codes)

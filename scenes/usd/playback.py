@@ -15,7 +15,7 @@ from .faces import mesh_triangles
 from .failures import as_usd_error, quietly
 from .obstacle_reader import read_obstacles
 from .opening import frame_rate, open_stage, world_matrix
-from .roles import NETWORK_ROLE, SPRINGS_ROLE, name_of, numbers, role_of
+from .roles import NETWORK_ROLE, SIM_API, SPRINGS_ROLE, has_schema, name_of, numbers, role_of
 from .samples import as_vectors
 
 PLAIN = (0.85, 0.82, 0.74)
@@ -85,7 +85,7 @@ class Playback:
                 {code for prim in prims for code in UsdGeom.PointBased(prim).GetPointsAttr().GetTimeSamples()}
             )
             self.fps, self._rate = frame_rate(self.stage), self.stage.GetTimeCodesPerSecond()
-            self.obstacles: list[Obstacle] = read_obstacles(self.stage)
+            self.obstacles: list[Obstacle] = read_obstacles(self.stage, self.codes[0])
             self.cloths = [_cloth(prim) for prim in prims if prim.IsA(UsdGeom.Mesh)]
             self.networks = _networks(prims)
 
@@ -95,8 +95,8 @@ class Playback:
         return len(self.codes)
 
     def time(self, frame: int) -> float:
-        """Time of a frame [s]."""
-        return self.codes[frame] / self._rate
+        """Time of a frame [s], from the first one on: shots may start at any time code."""
+        return (self.codes[frame] - self.codes[0]) / self._rate
 
     def points(self, item: PlayedCloth | PlayedNetwork, frame: int) -> np.ndarray:
         """Positions of a cloth's vertices or a network's balls [m], shape [n, 3]."""
@@ -119,13 +119,17 @@ class Playback:
 
 
 def can_play(path: str | os.PathLike) -> bool:
-    """Whether anything in a USD file moves as cloth does.
+    """Whether anything in a USD file moves as cloth does; not what is animated in a stage that is to be simulated yet.
 
     Raises:
         UsdError: the file cannot be read.
     """
     with as_usd_error(f"Cannot read {path}"), quietly():
-        return bool(simulated_prims(open_stage(path)))
+        stage = open_stage(path)
+        prims = simulated_prims(stage)
+        every = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+        done = any(role_of(prim) for prim in prims)
+        return bool(prims) and (done or not any(has_schema(prim, SIM_API) for prim in every))
 
 
 def _cloth(prim: Usd.Prim) -> PlayedCloth:

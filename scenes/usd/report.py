@@ -46,6 +46,7 @@ class CheckReport:
         finite: whether every sample is a finite number.
         intersections: pairs of cloth triangles that meet, at the worst of the frames that were looked at.
         obstacle_intersections: pairs of a cloth's triangle and one of a box or mesh that meet, likewise.
+        checked_frames: number of frames that were looked at for these.
         max_penetration_m: greatest depth of a point below the surface of an obstacle at any frame [m].
         deepest_frame: time code of that, None if no point is ever inside.
         max_strain: largest |strain| of an edge at any frame.
@@ -61,6 +62,7 @@ class CheckReport:
     finite: bool
     intersections: int
     obstacle_intersections: int
+    checked_frames: int
     max_penetration_m: float
     deepest_frame: float | None
     max_strain: float
@@ -81,6 +83,8 @@ class CheckReport:
 
     def __str__(self) -> str:
         where = "" if self.deepest_frame is None else f" at frame {self.deepest_frame:g}"
+        looked = "every" if self.checked_frames > 1 else "last"
+        met = f"{self.intersections} intersecting pairs of triangles, {self.obstacle_intersections} with obstacles"
         size = f"{self.particles} particles, {self.obstacles} obstacles"
         lines = [
             f"{self.path.name}: {'sound' if self.ok else 'NOT sound'}",
@@ -88,7 +92,7 @@ class CheckReport:
             f"  samples {'are all finite' if self.finite else 'are NOT all finite'}",
             f"  largest strain {100.0 * self.max_strain:.2f} %",
             f"  deepest penetration {1e3 * self.max_penetration_m:.3f} mm{where}",
-            f"  {self.intersections} intersecting pairs of triangles, {self.obstacle_intersections} with obstacles",
+            f"  {met} ({looked} frame)",
             f"  {len(self.usd_errors)} errors in the file" + (":" if self.usd_errors else ""),
         ]
         return "\n".join(lines + [f"    {error}" for error in self.usd_errors])

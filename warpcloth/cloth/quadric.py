@@ -6,6 +6,9 @@ x₀ + t₁ u + t₂ v + ½ x_uu u² + ½ x_vv v² + x_uv u v through the vertex
 weights. They are exact on quadratic surfaces whatever the mesh, which hinge angles and cotangent weights are not
 (Grinspun et al., Computing Discrete Shape Operators on General Meshes, 2006).
 
+Across a crease that the mesh does not resolve, as of a hem, neighbours stand on the tangent plane and seem to be near
+it, which would make bending there as stiff as in a mesh as fine as that; they are moved out within the plane.
+
 One ring of neighbours is enough inside most meshes; where it is not, as at borders, two are taken. What a tiny mesh
 cannot tell (two triangles have one curvature, not three) is left out by a pseudo-inverse that never mistakes a tilt for
 a curvature.
@@ -19,6 +22,7 @@ from ..meshes.topology import EdgeTable
 
 SMALLEST_SINGULAR_VALUE = 0.1  # of the scaled fit, below which one ring is not enough
 CUT_OFF = 0.02  # singular values below this share of the largest tell nothing
+STEEPEST = 0.5  # a neighbour seen at a smaller share of its distance lies beyond a crease: it is taken to be that far
 TURNS = 6  # the tangent plane is the fitted one after so many rounds
 
 
@@ -73,6 +77,8 @@ def _fit(
     size[size == 0.0] = 1.0
     along, across = surface_frames(normals, warp)
     u, v = (np.einsum("nkd,nd->nk", d, axis) / size[:, None] for axis in (along, across))
+    stretch = STEEPEST * distance / size[:, None] / np.maximum(np.hypot(u, v), 1e-9)
+    u, v = u * np.maximum(1.0, stretch), v * np.maximum(1.0, stretch)
     weight = np.where(real, 1.0 / np.maximum(u * u + v * v, 1e-6), 0.0)
     linear = weight[..., None] * np.stack([u, v], axis=2)
     quadratic = weight[..., None] * np.stack([0.5 * u * u, 0.5 * v * v, u * v], axis=2)

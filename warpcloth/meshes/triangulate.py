@@ -1,5 +1,7 @@
 """Polygons to triangles."""
 
+from typing import Any
+
 import numpy as np
 
 _TRIANGLE = np.array([[0, 1, 2]])
@@ -30,6 +32,15 @@ def triangulate(points: np.ndarray, counts: np.ndarray, corners: np.ndarray) -> 
     spur[: len(three)] = False  # a triangle as given is not ours to drop
     triangles = triangles[~spur]
     return triangles[np.argsort(np.searchsorted(starts, triangles[:, 0], side="right"), kind="stable")]
+
+
+def without_holes(triangles: np.ndarray, counts: np.ndarray, holes: Any) -> np.ndarray:
+    """Those of the triangles of :func:`triangulate` that are not of polygons named as ``holes``, shape [m, 3]."""
+    numbers = np.array([] if holes is None else holes, np.int64)
+    if numbers.size == 0:
+        return triangles
+    face = np.searchsorted(np.cumsum(counts), triangles[:, 0], side="right")
+    return triangles[~np.isin(face, numbers)]
 
 
 def _split_quads(points: np.ndarray, corners: np.ndarray, starts: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from .check import refuse_non_finite
 from .choose import Part, chosen
 from .stage_units import si_matrix, unit_fault
 from .trianglemesh import TriangleMesh
-from .triangulate import triangulate
+from .triangulate import triangulate, without_holes
 
 TIME = Usd.TimeCode.EarliestTime()  # where a value is sampled but has no default
 
@@ -54,7 +54,7 @@ def _chosen(path: Path, prim: str | None, join: bool) -> TriangleMesh:
         where = str(mesh.GetPath())
         part = Part(where, partial(_placed, mesh, where.rsplit("/", 1)[-1], si_matrix(stage) @ matrix))
         parts.append(part)
-        if _is_shown(mesh):
+        if is_shown(mesh):
             shown.append(part)
     return chosen(shown if shown and prim is None else parts, path.stem, prim, join)
 
@@ -127,11 +127,7 @@ def prim_mesh(mesh: UsdGeom.Mesh, name: str) -> TriangleMesh:
     counts = _numbers(mesh.GetFaceVertexCountsAttr(), np.int64)
     corners = _numbers(mesh.GetFaceVertexIndicesAttr(), np.int64)
     _check_faces(name, points, counts, corners)
-    cuts = triangulate(points, counts, corners)
-    holes = _numbers(mesh.GetHoleIndicesAttr(), np.int64)
-    if holes.size:
-        face = np.searchsorted(np.cumsum(counts), cuts[:, 0], side="right")
-        cuts = cuts[~np.isin(face, holes)]
+    cuts = without_holes(triangulate(points, counts, corners), counts, _numbers(mesh.GetHoleIndicesAttr(), np.int64))
     uvs, uv_of_corner = _texture_coordinates(mesh, points, corners)
     result = TriangleMesh(points, corners[cuts], uvs, None if uvs is None else uv_of_corner[cuts], name)
     return result.flipped() if _value(mesh.GetOrientationAttr(), "") == UsdGeom.Tokens.leftHanded else result
@@ -175,10 +171,11 @@ def _is_texture(primvar: UsdGeom.Primvar) -> bool:
     return pairs and role.endswith("[]") and primvar.HasValue() and primvar.GetInterpolation() in spread
 
 
-def _is_shown(mesh: UsdGeom.Mesh) -> bool:
-    purpose = mesh.ComputePurpose()
+def is_shown(shape: UsdGeom.Imageable) -> bool:
+    """Whether a shape is in final pictures: visible, and neither a guide nor a proxy."""
+    purpose = shape.ComputePurpose()
     return purpose in (UsdGeom.Tokens.default_, UsdGeom.Tokens.render) and (
-        mesh.ComputeVisibility(TIME) != UsdGeom.Tokens.invisible
+        shape.ComputeVisibility(TIME) != UsdGeom.Tokens.invisible
     )
 
 

@@ -79,6 +79,8 @@ def render(
     begun = time.perf_counter()
     playback = Playback(cache)
     path, still = _target(playback, output, frame, turntable, sheet)
+    if still and fps is not None:
+        raise InputError(f"The picture {path.name} does not move, so it has no fps; leave that out, or make a film.")
     studio = _Renderer(playback, _size(size), camera, color, pattern, still)
     try:
         if sheet is not None:
@@ -179,6 +181,8 @@ def _target(
     """Where to, and whether it is one picture."""
     if turntable and sheet is not None:
         raise InputError("A render is either a turntable or a sheet; ask for one of them.")
+    if frame is not None and sheet is not None:
+        raise InputError("A render is either of one frame or a sheet of frames over time; ask for one of them.")
     one = sheet is not None or (frame is not None and not turntable)
     if output is None:
         return playback.path.with_suffix(".png" if one else ".mp4"), one

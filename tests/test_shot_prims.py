@@ -1,0 +1,93 @@
+"""What a stage says of itself, and what of the prims below one that somebody names becomes cloth or collider."""
+
+import pytest
+from pxr import UsdGeom, UsdPhysics
+from shot_files import add_ball, add_cloth, add_mesh, new_stage, sheet
+from warpcloth.scenes import load_scene, simulate
+from warpcloth.scenes.shots.shot import read_shot
+from warpcloth.scenes.usd.playback import can_play
+
+from warpcloth.errors import SceneError, UsdError
+
+
+def add_body(stage, *names):
+    """Solids that do not say that they are colliders."""
+    stage.DefinePrim("/World/Body", "Xform")
+    solids = [add_ball(stage, f"/World/Body/{name}") for name in names]
+    for solid in solids:
+        solid.GetPrim().RemoveAPI(UsdPhysics.CollisionAPI)
+    return solids
+
+
+def obstacles(path, *colliders):
+    return [obstacle.name for obstacle in read_shot(path, ["/World/Shirt"], colliders).obstacles]
+
+
+@pytest.fixture
+def stage(tmp_path):
+    stage = new_stage(tmp_path / "shot.usda")
+    add_cloth(stage)
+    return stage
+
+
+@pytest.mark.parametrize("hidden", ["guide", "proxy", "invisible"])
+def test_what_no_picture_shows_is_no_collider_unless_there_is_no_other(tmp_path, stage, hidden):
+    skin, other = add_body(stage, "Skin", "Other")
+    if hidden == "invisible":
+        other.MakeInvisible()
+    else:
+        other.CreatePurposeAttr(hidden)
+    stage.Save()
+    path = tmp_path / "shot.usda"
+    assert obstacles(path, "/World/Body") == ["Skin"]
+    assert obstacles(path, "/World/Body/Other") == ["Other"]
+    skin.MakeInvisible()
+    stage.Save()
+    assert obstacles(path, "/World/Body") == ["Skin", "Other"]
+
+
+def test_hair_and_dust_are_no_colliders(tmp_path, stage):
+    add_body(stage, "Skin")
+    UsdGeom.BasisCurves.Define(stage, "/World/Body/Hair")
+    UsdGeom.Points.Define(stage, "/World/Body/Dust")
+    stage.Save()
+    assert obstacles(tmp_path / "shot.usda", "/World/Body") == ["Skin"]
+    with pytest.raises(UsdError, match="Collider /World/Body/Hair is a BasisCurves, which cannot be an obstacle"):
+        obstacles(tmp_path / "shot.usda", "/World/Body/Hair")
+
+
+def test_what_no_picture_shows_is_no_cloth_unless_there_is_no_other(tmp_path, stage):
+    for name, purpose in (("render", "render"), ("proxy", "proxy")):
+        add_mesh(stage, f"/World/Coat/{name}", sheet(3)).CreatePurposeAttr(purpose)
+    stage.Save()
+    path = tmp_path / "shot.usda"
+    assert [cloth.name for cloth in read_shot(path, ["/World/Coat"]).cloths] == ["render"]
+    assert [cloth.name for cloth in read_shot(path, ["/World/Coat/proxy"]).cloths] == ["proxy"]
+    stage.GetPrimAtPath("/World/Coat/render").SetActive(False)
+    stage.Save()
+    assert [cloth.name for cloth in read_shot(path, ["/World/Coat"]).cloths] == ["proxy"]
+
+
+@pytest.mark.parametrize(("fps", "frames"), [(24.0, 4), (48.0, 8), (12.0, 2), (1e9, None)])
+def test_another_frame_rate_fills_the_same_time(tmp_path, stage, fps, frames):
+    stage.Save()
+    change = [f"fps={fps}"]
+    if frames is None:
+        with pytest.raises(SceneError, match=r"fps must be a number from 0.001 to 100,000"):
+            load_scene(tmp_path / "shot.usda", change)
+        return
+    assert load_scene(tmp_path / "shot.usda", change).frames == frames
+    assert load_scene(tmp_path / "shot.usda", [*change, "frames=3"]).frames == 3
+
+
+def test_an_animated_stage_is_no_cache_before_its_cloth_is_simulated(tmp_path, stage):
+    walker = add_mesh(stage, "/World/Walker", sheet(3))
+    for code in (0.0, 4.0):
+        walker.GetPointsAttr().Set(walker.GetPointsAttr().Get(), code)
+    stage.Save()
+    assert not can_play(tmp_path / "shot.usda")
+    simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", integrator="xpbd", device="cpu", frames=1)
+    assert can_play(tmp_path / "out.usda")
+    stage.RemovePrim("/World/Shirt")
+    stage.Save()
+    assert can_play(tmp_path / "shot.usda")

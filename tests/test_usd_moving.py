@@ -1,0 +1,161 @@
+"""Transforms with few samples: what moves between them takes the way that it takes in the stage."""
+
+import numpy as np
+import pytest
+from pxr import Gf, Ts, Usd, UsdGeom, UsdPhysics
+from shot_files import add_cloth, new_stage, pin_points
+from warpcloth.scenes.shots.shot import read_shot
+from warpcloth.scenes.usd import read_obstacles
+from warpcloth.scenes.usd.moving import path_codes, transform_codes
+
+from warpcloth.errors import UsdError
+from warpcloth.transforms import apply
+
+RATE = 24.0
+TIMES = np.linspace(-0.2, 1.2, 43)
+SQUARE = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.1, 0.2, 0.0), (0.0, 0.2, 0.1)]
+
+
+def arm(stage: Usd.Stage, kind: type = UsdGeom.Cube) -> UsdGeom.Gprim:
+    """A collider half a metre beside the origin of its parent, which is for the test to turn."""
+    UsdGeom.Xform.Define(stage, "/Arm")
+    shape = kind.Define(stage, "/Arm/Shape")
+    if kind is UsdGeom.Mesh:
+        shape.CreatePointsAttr(SQUARE)
+        shape.CreateFaceVertexCountsAttr([4])
+        shape.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
+    UsdPhysics.CollisionAPI.Apply(shape.GetPrim())
+    shape.AddTranslateOp().Set(Gf.Vec3d(0.5, 0.0, 0.1))
+    return shape
+
+
+def new_scene() -> Usd.Stage:
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, "Z")
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(RATE)
+    return stage
+
+
+def placed(prim: Usd.Prim, time: float) -> np.ndarray:
+    """The square where the stage has it [m], shape [4, 3]."""
+    return apply(np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(RATE * time)).T, np.array(SQUARE))
+
+
+def spin(parent, shape):
+    turn = parent.AddRotateZOp()
+    turn.Set(0.0, 0.0)
+    turn.Set(-720.0, RATE)
+
+
+def quarter(parent, shape):
+    turn = parent.AddOrientOp()
+    turn.Set(Gf.Quatf(1.0), 0.0)
+    turn.Set(Gf.Quatf(0.0, 0.0, 1.0, 0.0), RATE)
+
+
+def euler(parent, shape):
+    parent.AddTranslateOp().Set(Gf.Vec3d(1.0, 2.0, 3.0))
+    turn = parent.AddRotateXYZOp()
+    turn.Set(Gf.Vec3f(10.0, 0.0, 0.0), 0.0)
+    turn.Set(Gf.Vec3f(100.0, -200.0, 40.0), RATE)
+    move = shape.AddTranslateOp(opSuffix="more")
+    move.Set(Gf.Vec3d(0.0), 6.0)
+    move.Set(Gf.Vec3d(0.2, 0.0, 0.0), 18.0)
+
+
+def around_a_pivot(parent, shape):
+    parent.AddTranslateOp(opSuffix="pivot").Set(Gf.Vec3d(0.5, 0.3, 0.0))
+    turn = parent.AddRotateZOp()
+    turn.Set(0.0, 0.0)
+    turn.Set(180.0, RATE)
+    parent.AddTranslateOp(opSuffix="pivot", isInverseOp=True)
+
+
+def eased(parent, shape):
+    spline = Ts.Spline("float")
+    for time, value in ((0.0, 0.0), (RATE, 270.0)):
+        knot = Ts.Knot(typeName="float", time=time, value=value, nextInterp=Ts.InterpCurve)
+        spline.SetKnot(knot)
+    parent.AddRotateZOp().GetAttr().SetSpline(spline)
+
+
+@pytest.mark.parametrize("kind", [UsdGeom.Cube, UsdGeom.Mesh])
+@pytest.mark.parametrize("animate", [spin, quarter, euler, around_a_pivot, eased])
+def test_colliders_take_the_way_that_they_take_in_the_stage(kind, animate):
+    stage = new_scene()
+    shape = arm(stage, kind)
+    animate(UsdGeom.Xformable(shape.GetPrim().GetParent()), shape)
+    (solid,) = read_obstacles(stage)
+    rest = placed(shape.GetPrim(), solid.motion.times[0])
+    gone = 0.0
+    for time in TIMES:
+        expected = placed(shape.GetPrim(), time)
+        found = apply(solid.matrix(time), rest)
+        np.testing.assert_allclose(found, expected, atol=5e-4)  # an arm of 1.2 m at the most, over 2900
+        gone = max(gone, float(np.abs(expected - rest).max()))
+    assert gone > 0.4
+
+
+def test_what_is_stretched_while_it_turns_takes_its_way_too():
+    stage = new_scene()
+    shape = arm(stage, UsdGeom.Mesh)
+    parent = UsdGeom.Xformable(shape.GetPrim().GetParent())
+    spin(parent, shape)
+    grow = parent.AddScaleOp()
+    grow.Set(Gf.Vec3f(1.0), 0.0)
+    grow.Set(Gf.Vec3f(1.5, 1.0, 1.0), RATE)
+    (solid,) = read_obstacles(stage)
+    for time in TIMES:
+        np.testing.assert_allclose(solid.points_at(time), placed(shape.GetPrim(), time), atol=5e-4)
+
+
+def test_held_points_take_the_way_that_their_mesh_takes(tmp_path):
+    stage = new_stage(tmp_path / "shot.usda")
+    mesh = add_cloth(stage)
+    pin_points(mesh, [0, 4])
+    spin(UsdGeom.Xformable(stage.GetDefaultPrim()), mesh)
+    stage.Save()
+    (part,) = read_shot(tmp_path / "shot.usda").parts
+    points = np.array(mesh.GetPointsAttr().Get(), float)
+    (pin,) = part.cloth.pins
+    assert pin.indices.tolist() == [0, 4]
+    for time in TIMES:
+        matrix = np.array(UsdGeom.Xformable(mesh).ComputeLocalToWorldTransform(RATE * time)).T
+        found = pin.motion.evaluate(points[pin.indices], time)
+        np.testing.assert_allclose(found, apply(matrix, points[pin.indices]), atol=2e-4)
+
+
+def test_matrices_are_joined_as_rigid_bodies():
+    """Stages mix the entries of two matrices, which squeezes what turns: between samples that is nobody's wish."""
+    stage = new_scene()
+    shape = arm(stage, UsdGeom.Sphere)
+    parent = UsdGeom.Xformable(shape.GetPrim().GetParent())
+    turn = parent.AddTransformOp()
+    lean = parent.AddRotateXOp()
+    for code in (0.0, 6.0):
+        turn.Set(Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(0, 0, 1), 5.0 * code)), code)
+        lean.Set(2.0 * code, code)
+    assert path_codes(shape.GetPrim()) == transform_codes(shape.GetPrim()) == [0.0, 6.0]
+    (ball,) = read_obstacles(stage)
+    assert ball.moves
+
+
+def test_still_and_straight_motions_need_no_more_than_their_samples():
+    stage = new_scene()
+    shape = arm(stage)
+    assert path_codes(shape.GetPrim()) == []
+    move = UsdGeom.Xformable(shape.GetPrim().GetParent()).AddTranslateOp()
+    for code in (0.0, 10.0, 100.0):
+        move.Set(Gf.Vec3d(0.0, 0.0, code), code)
+    assert path_codes(shape.GetPrim()) == [0.0, 10.0, 100.0]
+
+
+def test_turns_that_nobody_can_follow_are_refused():
+    stage = new_scene()
+    shape = arm(stage)
+    turn = UsdGeom.Xformable(shape.GetPrim().GetParent()).AddRotateZOp()
+    turn.Set(0.0, 0.0)
+    turn.Set(1e9, RATE)
+    with pytest.raises(UsdError, match=r"^Prim /Arm/Shape turns by 1e\+09° between time codes 0 and 24, which is too"):
+        read_obstacles(stage)
