@@ -5,7 +5,7 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights
-from .contact_padding import FurtherPasses, Padding, add_lack, earn_pass, padding_between, takes_part
+from .contact_load import PADDING, FurtherPasses, Load, add_lack, earn_pass, load_between, takes_part
 from .contact_pairs import Contacts, Pairs, narrow, put_contact, weights_of, wide
 from .fixed_sums import KICK_UNIT, MOVE_UNIT, SHARE_UNIT, add_fixed, add_share, from_fixed
 from .precision import FORWARD_ONLY, real, vec3
@@ -54,17 +54,19 @@ def find_contacts(
     stride: int,
     # State in
     particle_q: wp.array(dtype=vec3),
-    padding: Padding,
+    load: Load,
     # Out
     contacts_out: Contacts,
     share_out: wp.array(dtype=wp.int64),
     further_out: FurtherPasses,
 ):
-    """Which pairs are closer than their contact distance and padding: weights, normal, depth [m]; and Σ |weight| per
-    particle. And whether these need more passes than the present one."""
+    """Which pairs are closer than they aim to be: weights, normal, depth [m]; and Σ |weight| per particle.
+
+    They aim at their contact distance and some padding for what they carry, which may also earn them another pass.
+    """
     for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
-        world = padding.world[i[0]]
+        world = load.world[i[0]]
         if not takes_part(further_out, world, contacts_out.depth[k], pairs.distance[k]):
             contacts_out.depth[k] = wp.min(contacts_out.depth[k], real(0.0))
             continue
@@ -85,11 +87,11 @@ def find_contacts(
                 n = -d / length
             else:
                 n = d / length
-        padded = padding_between(padding, pairs.kind[k], i, w, distance)
-        depth = distance + padded - wp.dot(d, n)
+        carried = load_between(load, i, w)
+        depth = distance + wp.min(carried, PADDING * distance) - wp.dot(d, n)
         contacts_out.depth[k] = real(depth)
         if depth > zero:
-            earn_pass(further_out, world, padded, distance)
+            earn_pass(further_out, world, carried, distance)
             put_contact(contacts_out, k, w, n)
             add_share(share_out, i, w)
 
@@ -120,7 +122,7 @@ def push_contacts(
     dt: wp.float64,
     contacts: Contacts,
     share: wp.array(dtype=wp.int64),
-    padding: Padding,
+    load: Load,
     # Out
     move_out: wp.array2d(dtype=wp.int64),
     kick_out: wp.array2d(dtype=wp.int64),
@@ -162,7 +164,7 @@ def push_contacts(
         kick = (stop * n - rubbed(carried, n, friction * stop, part)) / (effective * dt)
         out = push + wp.min(dt / RECOVERY, wp.float64(1.0)) * (depth_share - push)
         move = (out * n - rubbed(moved, n, friction * push, part)) / effective
-        add_lack(lack_out, padding, particle_start, i, w, n, wp.float64(pairs.distance[k]))
+        add_lack(lack_out, load, particle_start, i, w, n, wp.float64(pairs.distance[k]))
         for m in range(4):
             c = w[m] * wp.float64(particle_inv_mass[i[m]])
             add_fixed(move_out, i[m], c * move, MOVE_UNIT)

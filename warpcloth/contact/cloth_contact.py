@@ -58,7 +58,7 @@ class ClothContact:
         self.move, self.kick = (wp.zeros((n, 3), dtype=wp.int64, device=device) for _ in range(2))
         self.share, self.lack = (wp.zeros(n, dtype=wp.int64, device=device) for _ in range(2))
         self._no_lack = wp.zeros(0, dtype=wp.int64, device=device)
-        self._pad(surface)
+        self._make_load(surface)
         self.torn = wp.zeros(model.world_count, dtype=wp.int32, device=device)
         self.impacts, self.remaining, self.rounds = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(3))
         self.counts, self.counts_before = (wp.zeros(4, dtype=wp.int32, device=device) for _ in range(2))
@@ -104,7 +104,7 @@ class ClothContact:
     def memory(self) -> list[Memory]:
         """What is kept from step to step."""
         particles = np.arange(self.model.particle_count)
-        return [Memory(self.padding.length, particles), Memory(self._support, particles)]
+        return [Memory(self.load.length, particles), Memory(self._support, particles)]
 
     def end(self, state: State, span: float) -> None:
         """Ends an interval of ``span`` [s] at ``state``: holds back what would have passed through cloth."""
@@ -161,17 +161,16 @@ class ClothContact:
         names = ("contact_held", "contact_pinched", "contact_impacts", "contact_rounds")
         return dict(zip(names, self.counts.numpy().tolist(), strict=True))
 
-    def _pad(self, surface: Surface) -> None:
-        """Memory for padding, none at first, and for the passes that it earns (``kernels/contact_padding.py``)."""
+    def _make_load(self, surface: Surface) -> None:
+        """Memory for load, none at first, and for the passes that it earns (``kernels/contact_load.py``)."""
 
         def numbers(count: int, dtype: type = wp.int32) -> wp.array:
             return wp.zeros(count, dtype=dtype, device=self.model.device)
 
-        self.padding = self.kernels.contact_padding.Padding()
-        self.padding.length = numbers(surface.cloth_particles, self.model.real)
-        self.padding.radius, self.padding.rest = surface.radius, surface.rest
-        self.padding.body, self.padding.world = surface.body, surface.world
-        self.further = self.kernels.contact_padding.FurtherPasses()
+        self.load = self.kernels.contact_load.Load()
+        self.load.length = numbers(surface.cloth_particles, self.model.real)
+        self.load.radius, self.load.world = surface.radius, surface.world
+        self.further = self.kernels.contact_load.FurtherPasses()
         self.further.number, self.further.another = numbers(1), numbers(1)
         self.further.world_now, self.further.world_next = (numbers(self.model.world_count) for _ in range(2))
 
@@ -229,7 +228,7 @@ class ClothContact:
         )  # fmt: skip
         self._launch(
             kernels.find_contacts, self.width,
-            [near.pairs, self.width, self.now, self.padding],
+            [near.pairs, self.width, self.now, self.load],
             [near.contacts, self.share, self.further],
         )  # fmt: skip
         lack = self.lack if first else self._no_lack
@@ -237,18 +236,18 @@ class ClothContact:
             kernels.push_contacts, self.width,
             [
                 surface.inv_mass, surface.friction, near.pairs, self.width, self.before, self.now, self.free, dt,
-                near.contacts, self.share, self.padding,
+                near.contacts, self.share, self.load,
             ],
             [self.move, self.kick, lack],
         )  # fmt: skip
         if first:
-            adapt = self.kernels.contact_padding.adapt_padding
-            self._launch(adapt, count, [dt, self.share], [self.padding, self.lack])
+            adapt = self.kernels.contact_load.adapt_load
+            self._launch(adapt, count, [dt, self.share], [self.load, self.lack])
         self._commit(state_out, dt)
 
     def _further_pass(self, state_in: State, state_out: State, dt: float) -> None:
-        """One more for worlds whose padding has earned it; such passes go on while there are any."""
-        self._launch(self.kernels.contact_padding.begin_pass, self.model.world_count, [], [self.further])
+        """One more for worlds whose load has earned it; such passes go on while there are any."""
+        self._launch(self.kernels.contact_load.begin_pass, self.model.world_count, [], [self.further])
         self._pass(state_in, state_out, dt)
 
     def _commit(self, state: State, dt: float) -> None:
