@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from .intersections import Triangles
-from .model import Model
+from .meshes.topology import connected
 from .state import State
 
 PARALLEL = 0.97  # least |cosine| between normals: what is flattened out of a steeper slope would be strained
@@ -37,18 +37,6 @@ def part_layers(triangles: Triangles, state: State, gap: float, rounds: int) -> 
     return done
 
 
-def joined(a: np.ndarray, b: np.ndarray, count: int) -> np.ndarray:
-    """For each of ``count`` nodes the lowest one that links a–b connect it with, shape [count]."""
-    label = np.arange(count)
-    while True:
-        lower, before = np.minimum(label[a], label[b]), label.copy()
-        np.minimum.at(label, a, lower)
-        np.minimum.at(label, b, lower)
-        label = label[label]
-        if np.array_equal(label, before):
-            return label
-
-
 class _Layers:
     """The pieces of cloth that are in each other, and on which side of the other each has to be."""
 
@@ -57,7 +45,7 @@ class _Layers:
         surface = triangles.surface
         self.tris = surface.tri_indices.numpy()[: surface.cloth_tris]
         self.free = (self.model.particle_inv_mass.numpy() > 0.0).astype(float)
-        self.piece = joined(self.tris[:, [0, 1]].ravel(), self.tris[:, [1, 2]].ravel(), self.model.particle_count)
+        self.piece = connected(self.tris[:, [0, 1]].ravel(), self.tris[:, [1, 2]].ravel(), self.model.particle_count)
         self.pairs: list[tuple[int, int, float]] = []  # a piece, another, and the side of its normals to be on
         for low, high, facing in self._parallel(triangles.crossings(state)[0]):
             over, under = self._heights(high, low)[1], -facing * self._heights(low, high)[1]

@@ -20,7 +20,8 @@ from .contact import ContactStage
 from .forces import Forces, Springs
 from .integrators import make_integrator
 from .intersections import Triangles
-from .layers import joined, part_layers
+from .layers import part_layers
+from .meshes.topology import connected
 from .model import Model
 from .state import State
 
@@ -110,7 +111,7 @@ def _contours(where: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     first = np.full(len(hits), len(where))
     np.minimum.at(first, hit.ravel(), np.arange(len(where)))
     other = first[hit.ravel()]
-    label = joined(np.concatenate([left, right]), np.concatenate([left[other], right[other]]), 2 * len(keys))
+    label = connected(np.concatenate([left, right]), np.concatenate([left[other], right[other]]), 2 * len(keys))
     contours = []
     for name in np.unique(label[left]):
         on_left, on_right = label[left] == name, label[right] == name
