@@ -10,7 +10,7 @@ from .. import validate
 from ..errors import MeshError
 from ..transforms import apply
 from ..validate import Array
-from .check import check_areas, check_manifold, checked_arrays
+from .check import areas_only, check_areas, check_manifold, checked_arrays
 from .topology import EdgeTable, near_groups, oriented
 
 SEAM = 1e-6  # of a mesh's largest extent: some rounding errors of float32, far below any edge
@@ -131,19 +131,21 @@ def cloth_mesh(mesh: TriangleMesh) -> TriangleMesh:
 
 
 def obstacle_mesh(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh as obstacle: any triangles with area; closed surfaces are made to face outwards.
+    """The mesh as obstacle: its triangles with area; closed surfaces are made to face outwards.
+
+    What has no area is left out with a :class:`MeshWarning`, after it has had its say in which way others face.
 
     Raises:
-        MeshError: on triangles without area.
+        MeshError: when no triangle has area.
     """
-    check_areas(mesh.points, mesh.triangles, mesh.label)
     table = EdgeTable.of(mesh.triangles)
-    if not table.is_closed:
-        return mesh
-    mesh = _with_triangles(mesh, oriented(mesh.triangles, table, mesh.label))
-    a, b, c = np.moveaxis(mesh.points[mesh.triangles] - mesh.points.mean(axis=0), 1, 0)
-    volume = np.einsum("ti,ti->", a, np.cross(b, c))
-    return mesh.flipped() if volume < 0.0 else mesh
+    if table.is_closed:
+        mesh = _with_triangles(mesh, oriented(mesh.triangles, table, mesh.label))
+        a, b, c = np.moveaxis(mesh.points[mesh.triangles] - mesh.points.mean(axis=0), 1, 0)
+        volume = np.einsum("ti,ti->", a, np.cross(b, c))
+        mesh = mesh.flipped() if volume < 0.0 else mesh
+    kept = areas_only(mesh.points, mesh.triangles, mesh.label)
+    return mesh if len(kept) == len(mesh.triangles) else TriangleMesh(mesh.points, kept, name=mesh.name)
 
 
 def _shrunk(triangles: np.ndarray) -> np.ndarray:
