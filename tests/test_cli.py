@@ -139,7 +139,7 @@ MISTAKES = [
     (["simulate", "napkin.toml", "-o", "no/where.usdc"], "the folder"),
     (["check", "nothing.usdc"], "there is no such file"),
     (["check", "napkin.toml"], "Cannot read napkin.toml"),
-    (["simulate", "napkin.toml", "-o", "where.abc"], "must end in .usdc, .usda or .usdz."),
+    (["simulate", "napkin.toml", "-o", "where.abc"], "must end in .usd, .usdc, .usda or .usdz."),
 ]
 
 

@@ -251,7 +251,7 @@ CHOICES = [
     (["--cloth", "/World/Shirt", "--collider", "/World"], "cannot be both cloth and collider"),
     (["--set", "stage.fabric=demin"], "must be a table or the name of a fabric"),
     (["--set", "network.k_s=1"], "shot.usda: the key 'network.positions' is missing"),
-    (["--cloth", "/World/Shirt", "-o", "out.abc"], "must end in .usdc, .usda or .usdz"),
+    (["--cloth", "/World/Shirt", "-o", "out.abc"], "must end in .usd, .usdc, .usda or .usdz"),
 ]
 
 
@@ -288,7 +288,7 @@ def test_scenes_export_explains_itself(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     mistakes = (
         (["export"], "`scenes export` needs the scene to export"),
-        (["export", "flag", "-o", "flag.obj"], "must end in .usdc, .usda or .usdz"),
+        (["export", "flag", "-o", "flag.obj"], "must end in .usd, .usdc, .usda or .usdz"),
         (["explode"], "There is no `scenes explode`"),
         (["list", "flag"], "`scenes list` takes neither a scene nor options"),
     )
