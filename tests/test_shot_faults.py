@@ -204,6 +204,7 @@ FAULTS = [
     (metadata(framesPerSecond=np.inf), "shot.usda: fps must be"),
     (metadata(endTimeCode=np.inf), "Cannot use shot.usda: its time codes from 0 to inf have no end."),
     (metadata(endTimeCode=1e300), "shot.usda: frames must be"),
+    (metadata(startTimeCode=5.0, endTimeCode=1.0), "shot.usda: its endTimeCode 1 is before its startTimeCode 5."),
     (metadata(endTimeCode=np.nan), "Cannot use shot.usda: its time codes from 0 to nan have no end."),
     (metadata(startTimeCode=-np.inf), "Cannot use shot.usda: its startTimeCode is -inf, but must be a finite number."),
     (stiffer_in_shear, "The fabric of /World/Fabric cannot be used"),
