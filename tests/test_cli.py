@@ -154,6 +154,12 @@ def test_a_mistake_is_one_sentence_on_stderr_and_exit_code_2(arguments, sentence
     assert [path.name for path in folder.iterdir()] == ["napkin.toml"]
 
 
+def test_a_mistake_found_when_building_names_the_file_too(folder, capfd):
+    (folder / "far.toml").write_text(NAPKIN + "pins = [{ box = { lower = [5, 5, 5], upper = [6, 6, 6] } }]\n")
+    assert run(["simulate", "far.toml", "--frames", "1"]) == 2
+    assert capfd.readouterr().err.startswith("warpcloth: far.toml: cloth.0: ")
+
+
 def test_a_mistake_under_json_is_an_object_too(folder, capfd):
     assert run(["simulate", "hangin", "--json"]) == 2
     out, err = capfd.readouterr()
