@@ -131,7 +131,7 @@ def scene_from_data(
         scene = Scene.model_validate(_with_stage(data, place))
     except ValidationError as error:
         raise SceneError(_prefixed(source, explain(error))) from None
-    return scene.placed(name, place)
+    return scene.placed(name, place, source)
 
 
 def _scene_of_stage(path: Path, overrides: Iterable[str], prims: dict[str, Any]) -> Scene:

@@ -48,7 +48,7 @@ def simulate(
 
     Args:
         scene: A scene, the name of a bundled one, or the path of a scene file or USD stage.
-        output: File to write, ``.usdc``, ``.usda`` or ``.usdz``; by default the scene's name in the current folder,
+        output: File to write, ``.usd``, ``.usdc``, …; by default the scene's name in the current folder,
             of a stage with ``_sim`` behind it: see :class:`warpcloth.scenes.shots.layers.ShotWriter`.
         frames: Frames to simulate; by default as many as the scene says. Likewise the following.
         integrator: Name of the integrator.

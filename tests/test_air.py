@@ -221,6 +221,20 @@ def test_scene_has_air_unless_it_is_a_vacuum():
         scene_from_toml("[air]\ndensity = -1\n" + cloth)
 
 
+@pytest.mark.parametrize(
+    ("air", "sentence"),
+    [
+        ("gust = 0.5", "air must have a wind for its gust"),
+        ("gust = 0.5\nturbulence = 1.0", "air must have a wind for its gust"),
+        ("density = 0\nwind = [1, 0, 0]", "air must have a density above 0 for its wind"),
+        ("density = 0\nturbulence = 1.0", "air must have a density above 0 for its wind"),
+    ],
+)
+def test_scenes_have_no_wind_that_would_do_nothing(air, sentence):
+    with pytest.raises(SceneError, match=sentence):
+        scene_from_toml(f'[air]\n{air}\n[[cloth]]\nshape = "grid"\n')
+
+
 @pytest.mark.parametrize("name", ["xpbd", "symplectic_euler", "velocity_verlet", "rk4"])
 def test_automatic_steps_know_how_dense_the_air_is(name):
     """In water, which would throw cloth about within steps that its springs allow."""

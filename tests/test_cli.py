@@ -139,7 +139,7 @@ MISTAKES = [
     (["simulate", "napkin.toml", "-o", "no/where.usdc"], "the folder"),
     (["check", "nothing.usdc"], "there is no such file"),
     (["check", "napkin.toml"], "Cannot read napkin.toml"),
-    (["simulate", "napkin.toml", "-o", "where.abc"], "must end in .usdc, .usda or .usdz."),
+    (["simulate", "napkin.toml", "-o", "where.abc"], "must end in .usd, .usdc, .usda or .usdz."),
 ]
 
 
@@ -152,6 +152,12 @@ def test_a_mistake_is_one_sentence_on_stderr_and_exit_code_2(arguments, sentence
     assert sentence in err
     assert err.count("\n") == 1
     assert [path.name for path in folder.iterdir()] == ["napkin.toml"]
+
+
+def test_a_mistake_found_when_building_names_the_file_too(folder, capfd):
+    (folder / "far.toml").write_text(NAPKIN + "pins = [{ box = { lower = [5, 5, 5], upper = [6, 6, 6] } }]\n")
+    assert run(["simulate", "far.toml", "--frames", "1"]) == 2
+    assert capfd.readouterr().err.startswith("warpcloth: far.toml: cloth.0: ")
 
 
 def test_a_mistake_under_json_is_an_object_too(folder, capfd):

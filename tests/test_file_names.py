@@ -1,4 +1,4 @@
-"""Names that a file system takes and USD does not: bytes that are no UTF-8 text."""
+"""Names that a file system takes and USD does not: bytes that are no UTF-8 text; and what a URL is made of."""
 
 import json
 import os
@@ -7,6 +7,8 @@ import sys
 import pytest
 from shot_files import small_shot
 from usd_files import write_usd
+from warpcloth.scenes import scene_from_toml, simulate
+from warpcloth.scenes.usd import check_cache
 
 from warpcloth.cli import run
 from warpcloth.errors import MeshError
@@ -50,3 +52,9 @@ def test_a_mesh_in_a_folder_whose_name_is_not_text_is_one_sentence(tmp_path, mon
     monkeypatch.chdir(tmp_path / ODD)
     with pytest.raises(MeshError, match="cannot be read: USD needs a path that is UTF-8 text"):
         read_mesh("sheet.usda")
+
+
+@pytest.mark.parametrize("name", ["shot#1.usdc", "shot?v=2.usda", "a;b%20.usdz"])
+def test_names_that_mean_something_in_a_url_are_sound(tmp_path, name):
+    path = simulate(scene_from_toml(NAPKIN), tmp_path / name, frames=1, device="cpu").output
+    assert check_cache(path).usd_errors == ()

@@ -108,6 +108,29 @@ def test_split_vertices_of_glb_are_welded_and_texture_coordinates_kept(tmp_path)
         np.testing.assert_allclose(mesh.uvs[mesh.uv_indices], uv.reshape(2, 3, 2), atol=1e-6)
 
 
+@pytest.mark.parametrize(("gap", "vertices"), [(0.0, 4), (1e-9, 4), (-1e-9, 4), (1e-6, 4), (1e-4, 6)])
+def test_seams_that_are_nearly_closed_are_welded(gap, vertices):
+    """Within a millionth of the extent, here 2 m; the first point of each place stays where it is."""
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1 + gap, gap, 0), (2, 0, 0), (1 + gap, 1, gap)], float)
+    mesh = load_mesh(trimesh.Trimesh(points, [[0, 1, 2], [3, 4, 5]], process=False))
+    assert len(mesh.points) == vertices
+    np.testing.assert_array_equal(mesh.points[:3], points[:3])
+
+
+def test_what_is_near_is_not_welded_where_a_triangle_would_shrink_to_a_line():
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (2, 1e-7, 0)], float)
+    mesh = load_mesh(trimesh.Trimesh(points, [[0, 1, 2], [3, 4, 5], [4, 6, 5]], process=False))
+    assert len(mesh.points) == 5
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-9])
+def test_layers_a_rounding_error_apart_stay_apart(gap):
+    sheet = trimesh.creation.icosphere(1)
+    points = np.concatenate([sheet.vertices, sheet.vertices * (1.0 + gap)])
+    doubled = trimesh.Trimesh(points, np.concatenate([sheet.faces, sheet.faces + 42]), process=False)
+    assert len(load_mesh(doubled).points) == 84
+
+
 def test_layers_in_the_same_place_stay_apart():
     sheet = trimesh.creation.icosphere(1)
     both = trimesh.util.concatenate([sheet, sheet])

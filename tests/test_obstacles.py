@@ -6,7 +6,8 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from warpcloth.errors import InputError, MeshError
+from warpcloth.errors import InputError, MeshError, MeshWarning
+from warpcloth.meshes import TriangleMesh
 from warpcloth.motion import Motion
 from warpcloth.obstacles import Box, Capsule, MeshObstacle, Plane, Sphere
 
@@ -150,3 +151,17 @@ def test_any_value_gives_an_obstacle_or_one_sentence(shape, data):
         message = str(error)
     assert message.endswith(".")
     assert "\n" not in message
+
+
+def test_triangles_without_area_of_a_file_are_left_out_with_a_warning(tmp_path):
+    """Of a closed mesh, too, which still faces outwards."""
+    points, triangles = np.array(TETRAHEDRON[0], float), np.array(TETRAHEDRON[1])
+    a, b, c = triangles[0]
+    middle = len(points)
+    cut = [[middle, a, b], [a, middle, c], [middle, b, c], *triangles[1:].tolist()]
+    mesh = TriangleMesh([*points, 0.5 * (points[a] + points[b])], np.array(cut)[:, ::-1], name="cut")
+    with pytest.warns(MeshWarning, match=r"Mesh 'cut': 1 triangle has no area, first triangle 0"):
+        obstacle = MeshObstacle.from_mesh(mesh)
+    a, b, c = (obstacle.points[obstacle.triangles[:, i]] for i in range(3))
+    assert len(obstacle.triangles) == 5
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0.0

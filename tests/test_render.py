@@ -323,6 +323,7 @@ MISTAKES = [
     (["-o", "no/where.mp4"], "does not exist"),
     (["--turntable", "--sheet", "4"], "either a turntable or a sheet"),
     (["--frame", "1", "--sheet", "4"], "either of one frame or a sheet"),
+    (["--sheet", "4"], "A sheet of 4 frames asks for more than the 3 frames in"),
     (["--frame", "1", "--fps", "5"], "does not move, so it has no fps"),
     (["--frame", "1", "-o", "film.mp4"], "its name must end in .png"),
 ]

@@ -204,6 +204,7 @@ FAULTS = [
     (metadata(framesPerSecond=np.inf), "shot.usda: fps must be"),
     (metadata(endTimeCode=np.inf), "Cannot use shot.usda: its time codes from 0 to inf have no end."),
     (metadata(endTimeCode=1e300), "shot.usda: frames must be"),
+    (metadata(startTimeCode=5.0, endTimeCode=1.0), "shot.usda: its endTimeCode 1 is before its startTimeCode 5."),
     (metadata(endTimeCode=np.nan), "Cannot use shot.usda: its time codes from 0 to nan have no end."),
     (metadata(startTimeCode=-np.inf), "Cannot use shot.usda: its startTimeCode is -inf, but must be a finite number."),
     (stiffer_in_shear, "The fabric of /World/Fabric cannot be used"),
@@ -251,7 +252,7 @@ CHOICES = [
     (["--cloth", "/World/Shirt", "--collider", "/World"], "cannot be both cloth and collider"),
     (["--set", "stage.fabric=demin"], "must be a table or the name of a fabric"),
     (["--set", "network.k_s=1"], "shot.usda: the key 'network.positions' is missing"),
-    (["--cloth", "/World/Shirt", "-o", "out.abc"], "must end in .usdc, .usda or .usdz"),
+    (["--cloth", "/World/Shirt", "-o", "out.abc"], "must end in .usd, .usdc, .usda or .usdz"),
 ]
 
 
@@ -288,7 +289,7 @@ def test_scenes_export_explains_itself(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     mistakes = (
         (["export"], "`scenes export` needs the scene to export"),
-        (["export", "flag", "-o", "flag.obj"], "must end in .usdc, .usda or .usdz"),
+        (["export", "flag", "-o", "flag.obj"], "must end in .usd, .usdc, .usda or .usdz"),
         (["explode"], "There is no `scenes explode`"),
         (["list", "flag"], "`scenes list` takes neither a scene nor options"),
     )

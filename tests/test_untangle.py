@@ -42,6 +42,33 @@ def test_sheets_that_cross_come_apart_and_keep_their_shape(rigidity):
     assert np.array_equal(sim.model.particle_q.numpy(), model.particle_q.numpy())
 
 
+@pytest.mark.parametrize("angle", [0.0, 0.05, 0.7])
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("pins", [None, "all"])
+def test_layers_in_the_same_place_are_parted_by_their_thickness(angle, back, pins):
+    """Whichever way their fronts face; where one is held, the other goes all the way. Springs are not strained."""
+    place = placed(0.0, angle, np.pi if back else 0.0)
+    held = None if pins is None else list(range(169))
+    below = wc.Cloth.grid((0.3, 0.3), (13, 13), pins=held, name="below")
+    model = wc.Model.build([below, wc.Cloth.grid((0.3, 0.3), (9, 9), transform=place, name="above")])
+    state, thickness = State.of(model), 2.0 * float(model.particle_radius.numpy().min())
+    done = untangle(model, state)
+    assert done.before > 100
+    assert done.after == intersections(model, state).sum() == 0
+    assert 0.4 * thickness < done.moved_m < 1.1 * thickness
+    moved = np.abs(state.particle_q.numpy() - model.particle_q.numpy())
+    assert moved[:, :2].max() < 1e-6
+    assert held is None or moved[held].max() == 0.0
+
+
+def test_three_layers_in_the_same_place_get_an_order():
+    layers = [wc.Cloth.grid((0.3, 0.3), (n, n), transform=placed(0.0, 0.1 * n, 0.0), name=f"n{n}") for n in (8, 9, 11)]
+    model = wc.Model.build(layers)
+    done = untangle(model, State.of(model))
+    assert (done.before > 100, done.after) == (True, 0)
+    assert done.moved_m < 0.005
+
+
 def test_cloth_leaves_a_box_that_pokes_through_it():
     model = wc.Model.build(sheets(0.0)[0], wc.Box((0.02, 0.01, -0.05), (0.1, 0.1, 0.12)))
     done = untangle(model, State.of(model))

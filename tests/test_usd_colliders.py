@@ -6,7 +6,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdShade
 from usd_files import SQUARE
 from warpcloth.scenes.usd import read_obstacles
 
-from warpcloth.errors import UsdError
+from warpcloth.errors import MeshError, MeshWarning, UsdError
 
 SIZES = [
     (UsdGeom.Sphere, "radius"),
@@ -118,3 +118,34 @@ def test_holes_of_a_mesh_are_none_of_its_faces():
     mesh.CreateHoleIndicesAttr([0])
     (solid,) = read_obstacles(stage)
     assert sorted({*solid.triangles.ravel().tolist()}) == [1, 2, 4, 5]
+
+
+@pytest.mark.skipif(not hasattr(UsdGeom, "Capsule_1"), reason="this OpenUSD knows no newer kinds")
+@pytest.mark.parametrize(("old", "new"), [("Capsule", "Capsule_1"), ("Cylinder", "Cylinder_1")])
+def test_newer_kinds_with_one_radius_are_as_the_older_ones(old, new):
+    solids = []
+    for kind, radii in ((old, ["radius"]), (new, ["radiusTop", "radiusBottom"])):
+        stage, prim = collider(getattr(UsdGeom, kind))
+        for name, value in [*((radius, 0.3) for radius in radii), ("height", 0.8), ("axis", "X")]:
+            prim.GetAttribute(name).Set(value)
+        solids.append(read_obstacles(stage)[0])
+    assert type(solids[0]) is type(solids[1])
+    for name in ("points", "triangles", "start", "end", "radius"):
+        np.testing.assert_array_equal(getattr(solids[0], name, 0), getattr(solids[1], name, 0))
+    prim.GetAttribute("radiusTop").Set(0.1)
+    with pytest.raises(UsdError, match=r"/Solid has radii of 0.1 at its top and 0.3 at its bottom, but must have one"):
+        read_obstacles(stage)
+
+
+def test_triangles_without_area_are_left_out_with_a_warning():
+    stage, prim = collider(UsdGeom.Mesh)
+    mesh = UsdGeom.Mesh(prim)
+    mesh.CreatePointsAttr([*SQUARE, (0.5, 0.0, 0.0)])
+    mesh.CreateFaceVertexCountsAttr([3, 3, 3])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 0, 4, 1, 0, 2, 3])
+    with pytest.warns(MeshWarning, match=r"Collider /Solid: 1 triangle has no area, first triangle 1 .* does without"):
+        (solid,) = read_obstacles(stage)
+    np.testing.assert_array_equal(solid.triangles, [[0, 1, 2], [0, 2, 3]])
+    mesh.GetPointsAttr().Set([(0.0, 0.0, 0.0)] * 5)
+    with pytest.raises(MeshError, match=r"3 triangles have no area, .* and no others are left"):
+        read_obstacles(stage)

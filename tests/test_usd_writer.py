@@ -159,7 +159,7 @@ def test_moving_orientations_never_jump_to_the_other_quaternion(stage):
     assert min(Gf.Dot(a, b) for a, b in pairwise(quaternions)) > 0.0
 
 
-@pytest.mark.parametrize("extension", [".usdc", ".usda", ".usdz"])
+@pytest.mark.parametrize("extension", [".usd", ".usdc", ".usda", ".usdz"])
 def test_both_validators_are_content(tmp_path, extension):
     from usd_validation_nvidia import ValidationEngine
 
@@ -170,6 +170,7 @@ def test_both_validators_are_content(tmp_path, extension):
     # Text is what whoever asks for .usda wants.
     assert [m for m in issues if not (extension == ".usda" and "should be stored in crate files" in m)] == []
     assert sorted(p.name for p in tmp_path.iterdir()) == [path.name]
+    assert path.read_bytes().startswith(b"PXR-USDC") == (extension in (".usd", ".usdc"))
 
 
 def test_nvidias_minimal_placeable_visual_is_met(cache):

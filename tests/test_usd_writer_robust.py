@@ -27,7 +27,7 @@ def meshes(stage: Usd.Stage) -> list[UsdGeom.Mesh]:
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("shot.abc", "must end in .usdc, .usda or .usdz"),
+        ("shot.abc", "must end in .usd, .usdc, .usda or .usdz"),
         ("shot", "must end in"),
         ("missing/shot.usdc", "does not exist"),
         ("folder.usdc", "is a folder"),

@@ -70,6 +70,10 @@ class ConvergenceWarning(UserWarning):
     """The solver of an implicit step gave up before it met its tolerance; the message says what helps."""
 
 
+class MeshWarning(UserWarning):
+    """Something of a mesh is left out; the message says what of which."""
+
+
 class FabricWarning(UserWarning):
     """The mesh cannot have all properties of the fabric; the message says which and what it has instead."""
 

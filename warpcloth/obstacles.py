@@ -210,7 +210,8 @@ class MeshObstacle(Obstacle):
             options: the fields common to all obstacles.
 
         Raises:
-            MeshError: when the mesh cannot be read, is empty, or has triangles without area.
+            MeshError: when the mesh cannot be read, is empty, or has no triangle with area. Triangles without are left
+                out with a :class:`warpcloth.errors.MeshWarning`.
         """
         mesh = load_mesh(source, prim=prim, join=True)
         mesh = obstacle_mesh(mesh.transformed(as_matrix(transform, f"{mesh.label}: transform")))

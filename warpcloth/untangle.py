@@ -4,6 +4,9 @@ Volino and Magnenat-Thalmann, Resolving Surface Collisions through Intersection 
 of cloth meet along a line, the *contour*. Where an edge of direction e passes through a triangle of normal n, and r is
 the direction of the contour from there into a triangle at that edge, the contour gets shorter when edge and triangle
 move apart along Σ r − 2 (e·r)/(e·n) n. Summed over the whole contour, that says which way the pieces have to go.
+
+Layers in nearly the same place would slide off each other that way, as far as they are wide; so they are parted along
+their normals first, see :mod:`warpcloth.layers`, and contours are left with what that cannot part.
 """
 
 from dataclasses import asdict, dataclass
@@ -17,6 +20,8 @@ from .contact import ContactStage
 from .forces import Forces, Springs
 from .integrators import make_integrator
 from .intersections import Triangles
+from .layers import part_layers
+from .meshes.topology import connected
 from .model import Model
 from .state import State
 
@@ -47,8 +52,9 @@ class Untangled:
 def untangle(model: Model, state: State, *, rounds: int = 1000) -> Untangled:
     """Moves cloth out of intersections with itself, other cloth and obstacles, as far as it succeeds.
 
-    By turns the lines of intersection are shortened (Volino and Magnenat-Thalmann 2006) and the springs, from
-    standstill and without gravity, restore the shape; particles leave solid obstacles. Pins stay.
+    Layers that are nearly parallel are parted along their normals. For what is left, by turns the lines of intersection
+    are shortened (Volino and Magnenat-Thalmann 2006) and the springs, from standstill and without gravity, restore the
+    shape; particles leave solid obstacles. Pins stay.
 
     Args:
         state: positions are changed, velocities are not.
@@ -62,10 +68,11 @@ def untangle(model: Model, state: State, *, rounds: int = 1000) -> Untangled:
     free = (model.particle_inv_mass.numpy() > 0.0)[:, None]
     thickness = 2.0 * float(model.particle_radius.numpy().min())
     relax = _Relaxation(model, state)
-    count = before = int(found.count(state).sum())
-    done = 0
+    before = int(found.count(state).sum())
+    layered = done = part_layers(found, state, thickness, rounds) if before else 0
+    count = int(found.count(state).sum())
     while count > 0 and done < rounds:
-        step = STEPS[done // STRETCH % len(STEPS)] * thickness
+        step = STEPS[(done - layered) // STRETCH % len(STEPS)] * thickness
         moves = contour_moves(found, state)[: model.particle_count]
         state.particle_q.assign(state.particle_q.numpy() + step * free * moves)
         relax.run()
@@ -100,18 +107,11 @@ def _contours(where: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     first_is_low = where[:, 0] == pairs[:, 0]
     left = node.ravel() + len(keys) * ~first_is_low  # node with the edge's triangle on the left
     right = node.ravel() + len(keys) * first_is_low
-    label = np.arange(2 * len(keys))
-    same_hit: dict[tuple[int, ...], int] = {}
-    links = []
-    for k, hit in enumerate(map(tuple, where[:, 1:].tolist())):
-        other = same_hit.setdefault(hit, k)
-        links += [(left[k], left[other]), (right[k], right[other])]
-    changed = True
-    while changed:
-        before = label.copy()
-        for a, b in links:
-            label[a] = label[b] = min(label[a], label[b])
-        changed = not np.array_equal(label, before)
+    hits, hit = np.unique(where[:, 1:], axis=0, return_inverse=True)
+    first = np.full(len(hits), len(where))
+    np.minimum.at(first, hit.ravel(), np.arange(len(where)))
+    other = first[hit.ravel()]
+    label = connected(np.concatenate([left, right]), np.concatenate([left[other], right[other]]), 2 * len(keys))
     contours = []
     for name in np.unique(label[left]):
         on_left, on_right = label[left] == name, label[right] == name

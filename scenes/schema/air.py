@@ -1,11 +1,13 @@
 """The air of a scene."""
 
-from typing import Annotated
+from typing import Annotated, Self
+
+from pydantic import model_validator
 
 from warpcloth.air import Air
 
 from .table import Table, field
-from .values import Number, Speed, at_least_zero, positive
+from .values import Number, Speed, at_least_zero, positive, refuse
 
 _PLAIN = Air()
 
@@ -25,6 +27,15 @@ class AirTable(Table):
     turbulence_length: Annotated[float, positive("m")] = field(
         _PLAIN.turbulence_length, "Typical wave length of the turbulence."
     )
+
+    @model_validator(mode="after")
+    def _nothing_in_vain(self) -> Self:
+        windy = any(self.wind)
+        if self.gust > 0.0 and not windy:
+            raise refuse("must have a wind for its gust, which is a share of it")
+        if self.density == 0.0 and (windy or self.turbulence > 0.0):
+            raise refuse("must have a density above 0 for its wind, as a vacuum pushes nothing")
+        return self
 
     def build(self, seed: int) -> Air:
         """The simulator's air."""

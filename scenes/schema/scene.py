@@ -30,6 +30,13 @@ AnyObstacle = Annotated[
 ]
 
 
+@dataclasses.dataclass(frozen=True)
+class _Source:
+    """Name of the file that a scene is from, for messages; scenes that differ in nothing else are equal."""
+
+    file: str = dataclasses.field(default="", compare=False)
+
+
 class Scene(Table):
     """A scene: cloths (or a network of springs), obstacles, and how long and how finely they are simulated."""
 
@@ -49,6 +56,7 @@ class Scene(Table):
 
     _name: str = PrivateAttr("scene")
     _folder: Path = PrivateAttr(Path())
+    _source: _Source = PrivateAttr(_Source())
 
     @property
     def name(self) -> str:
@@ -70,10 +78,10 @@ class Scene(Table):
         """Names of the obstacles, as given or made up."""
         return _names([(table.name, table.shape) for table in self.obstacle])
 
-    def placed(self, name: str, folder: Path) -> Self:
-        """The same scene, with a name and the folder that its mesh paths start from."""
+    def placed(self, name: str, folder: Path, source: str = "") -> Self:
+        """The same scene, with a name, the folder that its mesh paths start from, and its file's name for messages."""
         scene = self.model_copy()
-        scene._name, scene._folder = name, folder
+        scene._name, scene._folder, scene._source = name, folder, _Source(source)
         return scene
 
     def changed(self, values: Mapping[str, Any]) -> Self:
@@ -90,7 +98,7 @@ class Scene(Table):
             *tables, key = path.split(".")
             functools.reduce(operator.getitem, tables, data)[key] = value
         try:
-            return type(self).model_validate(data).placed(self._name, self._folder)
+            return type(self).model_validate(data).placed(self._name, self._folder, self._source.file)
         except ValidationError as error:
             raise SceneError(explain(error)) from None
 
@@ -127,14 +135,15 @@ class Scene(Table):
         """The simulator's cloths and obstacles; both empty for a network or a stage, which are not made of tables.
 
         Raises:
-            InputError: A mesh that cannot be read, a pin that finds no vertex, …; the message names the table.
+            InputError: A mesh that cannot be read, a pin that finds no vertex, …; the message names file and table.
         """
+        file = f"{self._source.file}: " if self._source.file else ""
         cloths = [
-            self._jittered(_located(f"cloth.{index}", table.build, name, self._folder), table.jitter, index)
+            self._jittered(_located(f"{file}cloth.{index}", table.build, name, self._folder), table.jitter, index)
             for index, (table, name) in enumerate(zip(self.cloth, self.cloth_names, strict=True))
         ]
         obstacles = [
-            _located(f"obstacle.{index}", table.build, name, self._folder)
+            _located(f"{file}obstacle.{index}", table.build, name, self._folder)
             for index, (table, name) in enumerate(zip(self.obstacle, self.obstacle_names, strict=True))
         ]
         return cloths, obstacles

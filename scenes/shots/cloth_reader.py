@@ -34,7 +34,7 @@ class ShotCloth:
         mesh: the prim.
         cloth: what is simulated, in metres and Z up.
         particle_of: particle of each of the mesh's points, −1 for points that no face uses, shape [n]. Points in
-            exactly the same place are one particle.
+            the same place at rest are one particle, see :meth:`warpcloth.meshes.TriangleMesh.welded`.
     """
 
     mesh: UsdGeom.Mesh

@@ -43,7 +43,7 @@ def export_scene(scene: Scene, path: str | os.PathLike) -> Path:
 
     Args:
         scene: with cloths, or a bare network of springs, which only warpcloth finds in the stage again.
-        path: ``.usda``, ``.usdc`` or ``.usdz``.
+        path: ``.usd``, ``.usda``, ``.usdc`` or ``.usdz``.
 
     Raises:
         InputError: the scene is a stage already, or cannot be built; UsdError: ``path`` cannot be written, or the

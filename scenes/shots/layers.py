@@ -35,7 +35,7 @@ class ShotWriter(FrameWriter):
     that the stage refers to.
 
     Args:
-        path: of the shot: ``.usda``, ``.usdc`` or ``.usdz``.
+        path: of the shot: ``.usd``, ``.usda``, ``.usdc`` or ``.usdz``.
         shot: what is simulated.
         fps: frames per second, > 0.
         provenance: facts to keep in both files.

@@ -51,7 +51,7 @@ def stage_tables(stage: Usd.Stage, fps: float | None = None) -> dict[str, Any]:
         fps: frames per second that its range of time codes is to be cut into; None: those that it says.
 
     Raises:
-        UsdError: its range of time codes is endless.
+        UsdError: its range of time codes is endless, or ends before it starts.
     """
     tables: dict[str, Any] = {"fps": frame_rate(stage) if fps is None else fps}
     if stage.HasAuthoredTimeCodeRange() and np.isfinite(tables["fps"]):
@@ -59,6 +59,8 @@ def stage_tables(stage: Usd.Stage, fps: float | None = None) -> dict[str, Any]:
         frames = (end - start) * tables["fps"] / stage.GetTimeCodesPerSecond()
         if not np.isfinite(frames):
             raise UsdError(f"Cannot use {_name(stage)}: its time codes from {start:g} to {end:g} have no end.")
+        if end < start:
+            raise UsdError(f"Cannot use {_name(stage)}: its endTimeCode {end:g} is before its startTimeCode {start:g}.")
         tables |= {"frames": round(frames)} if round(frames) > 0 else {}
     scene = next((prim for prim in stage.Traverse() if prim.IsA(UsdPhysics.Scene)), None)
     if scene is None:

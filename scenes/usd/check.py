@@ -82,7 +82,7 @@ class _Check:
             max_penetration_m=self.deepest,
             deepest_frame=self.deepest_frame,
             max_strain=max(cloth.max_strain for cloth in cloths),
-            usd_errors=tuple(errors + validator_errors(self.stage, self.path)),
+            usd_errors=tuple(errors + validator_errors(self.stage)),
             cloths=tuple(cloths),
         )
 

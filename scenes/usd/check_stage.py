@@ -1,7 +1,5 @@
 """Checks of a stage as a whole: its metadata, and what the validators of others say."""
 
-from pathlib import Path
-
 from pxr import Usd, UsdValidation
 
 from .stage import ASSET, PROVENANCE
@@ -45,17 +43,17 @@ def range_errors(stage: Usd.Stage, codes: list[float]) -> list[str]:
     return [f"The stage says frames {said[0]:g} to {said[1]:g}, but is sampled from {found[0]:g} to {found[1]:g}."]
 
 
-def validator_errors(stage: Usd.Stage, path: Path) -> list[str]:
+def validator_errors(stage: Usd.Stage) -> list[str]:
     """Messages of OpenUSD's validators, and of NVIDIA's where they are installed."""
     context = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators())
-    return [error.GetMessage() for error in context.Validate(stage)] + _nvidia_errors(path)
+    return [error.GetMessage() for error in context.Validate(stage)] + _nvidia_errors(stage)
 
 
-def _nvidia_errors(path: Path) -> list[str]:
+def _nvidia_errors(stage: Usd.Stage) -> list[str]:
     try:
         from usd_validation_nvidia import IssueSeverity, ValidationEngine
     except ImportError:
         return []
-    issues = ValidationEngine().validate(str(path)).issues()
+    issues = ValidationEngine().validate(stage).issues()  # it reads a path as a URL, in which # and ? end it
     faults = [i for i in issues if i.severity not in (IssueSeverity.NONE, IssueSeverity.INFO)]
     return [i.message for i in faults if i.rule is None or i.rule.__name__ not in NOT_FAULTS]

@@ -7,6 +7,7 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from ...errors import UsdError
+from ...meshes.check import areas_only
 from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
 from ...transforms import apply
 from .faces import mesh_triangles
@@ -23,7 +24,8 @@ SECTIONS = 64  # faces around a cylinder or cone
 def read_obstacles(stage: Usd.Stage, origin: float = 0.0) -> list[Obstacle]:
     """The colliders of a stage as obstacles in metres, Z up, with their motion.
 
-    Spheres, capsules, cubes, planes and meshes, and cylinders and cones, which become meshes; still, under sampled
+    Spheres, capsules, cubes, planes and meshes, and cylinders and cones, which become meshes; of newer kinds those with
+    one radius; still, under sampled
     transforms (which become rigid motions with a key per sample), or with sampled points. What our own caches note
     besides (thickness, friction, …) is read too.
 
@@ -120,6 +122,7 @@ def _placed(
     points = apply(rest, local)
     if np.linalg.det(rest[:3, :3]) < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
+    triangles = areas_only(points, triangles, f"collider {prim.GetPath()}")
     if samples is None and are_rigid(rest, matrices):
         return MeshObstacle(points, triangles, motion=rigid_motion(rest, seconds, matrices), **common)
     every = [local] * len(codes) if samples is None else samples
@@ -132,7 +135,7 @@ def _solid(shape: UsdGeom.Gprim, make: str, origin: float, common: dict[str, Any
     import trimesh  # takes half a second, which stages without need not wait for
 
     prim, axis = shape.GetPrim(), _axis(shape)
-    solid = getattr(trimesh.creation, make)(_length(shape, "radius"), _length(shape, "height"), sections=SECTIONS)
+    solid = getattr(trimesh.creation, make)(_radius(shape), _length(shape, "height"), sections=SECTIONS)
     around = np.array(solid.vertices) - (0.0, 0.0, float(np.mean(solid.bounds[:, 2])))  # trimesh's cone stands at 0
     codes, seconds = _samples(prim, path_codes(prim), origin)
     points = np.roll(around, axis + 1, axis=1)  # z becomes the axis, and the right hand stays the right hand
@@ -175,6 +178,17 @@ def _length(shape: UsdGeom.Gprim, name: str) -> float:
     return value
 
 
+def _radius(shape: UsdGeom.Gprim) -> float:
+    """The radius in the shape's own units; newer kinds have one at each end."""
+    if not shape.GetPrim().HasAttribute("radiusTop"):
+        return _length(shape, "radius")
+    top, bottom = _length(shape, "radiusTop"), _length(shape, "radiusBottom")
+    if top != bottom:
+        what = f"radii of {top:g} at its top and {bottom:g} at its bottom"
+        raise UsdError(f"Collider {shape.GetPath()} has {what}, but must have one radius; make it a mesh.")
+    return top
+
+
 def _axis(shape: UsdGeom.Gprim) -> int:
     """Column of a matrix that is the direction of a shape's axis."""
     axis = shape.GetAxisAttr().Get(FIRST)
@@ -190,7 +204,7 @@ def _sphere(shape: UsdGeom.Sphere, frame: Frame, common: dict[str, Any]) -> Sphe
 def _capsule(shape: UsdGeom.Capsule, frame: Frame, common: dict[str, Any]) -> Capsule:
     scale = _uniform(shape, frame)
     half = 0.5 * scale * _length(shape, "height") * frame.rotation[:, _axis(shape)]
-    return Capsule(frame.origin - half, frame.origin + half, _length(shape, "radius") * scale, **common)
+    return Capsule(frame.origin - half, frame.origin + half, _radius(shape) * scale, **common)
 
 
 def _cube(shape: UsdGeom.Cube, frame: Frame, common: dict[str, Any]) -> Box:
@@ -215,3 +229,7 @@ _SHAPES: dict[type[UsdGeom.Gprim], Callable[..., Obstacle]] = {
 }
 
 _SOLIDS: dict[type[UsdGeom.Gprim], str] = {UsdGeom.Cylinder: "cylinder", UsdGeom.Cone: "cone"}
+if hasattr(UsdGeom, "Capsule_1"):  # which older versions of OpenUSD do not know
+    _SHAPES[UsdGeom.Capsule_1] = _capsule
+if hasattr(UsdGeom, "Cylinder_1"):
+    _SOLIDS[UsdGeom.Cylinder_1] = "cylinder"

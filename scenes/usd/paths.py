@@ -11,7 +11,8 @@ from pathlib import Path
 from ...errors import UsdError
 from ...validate import is_utf8
 
-FORMATS = (".usdc", ".usda", ".usdz")
+FORMATS = (".usd", ".usdc", ".usda", ".usdz")
+BINARY = (".usd", ".usdc")  # a .usd may be of either kind; the binary one is what it usually is
 
 
 def _own_mark() -> str:
@@ -39,7 +40,7 @@ class Target:
     @property
     def converted(self) -> Path:
         """The finished cache in its final format, complete but not yet under its final name."""
-        return self.partial.with_suffix(self.final.suffix)
+        return self.partial if self.final.suffix in BINARY else self.partial.with_suffix(self.final.suffix)
 
     @property
     def folder(self) -> Path:

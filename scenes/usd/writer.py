@@ -34,7 +34,7 @@ class CacheWriter(FrameWriter):
     :meth:`close` yourself where the frames so far are worth keeping.
 
     Args:
-        path: ``.usdc``, ``.usda`` or ``.usdz`` file; an existing one is replaced once the new one is complete.
+        path: ``.usd``, ``.usdc``, ``.usda`` or ``.usdz`` file; an existing one is replaced by the complete one.
         cloths: with different names; each becomes a mesh whose default value is its rest pose. Networks of springs
             become points and curves.
         obstacles: shown as well, and sampled if they move.

@@ -12,7 +12,8 @@ from .report import Report
 Action = Annotated[str, typer.Argument(metavar="[list|export]", help="What to do.")]
 Name = Annotated[str | None, typer.Argument(metavar="[SCENE]", help="To export: a bundled scene or a .toml file.")]
 Output = Annotated[
-    Path | None, typer.Option("-o", "--output", help="Stage to write: .usda, .usdc or .usdz.  [default: SCENE.usda]")
+    Path | None,
+    typer.Option("-o", "--output", help="Stage to write: .usd, .usda, .usdc or .usdz.  [default: SCENE.usda]"),
 ]
 Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Change a field of the scene, see `simulate`.")

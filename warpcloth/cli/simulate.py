@@ -24,7 +24,7 @@ Output = Annotated[
     typer.Option(
         "-o",
         "--output",
-        help="Cache to write: .usdc, .usda or .usdz.  [default: SCENE.usdc; of a stage SCENE_sim.usda and its layer]",
+        help="Cache to write: .usd, .usdc, .usda or .usdz.  [default: SCENE.usdc; of a stage SCENE_sim.usda and layer]",
     ),
 ]
 ClothPrims = Annotated[

@@ -9,9 +9,9 @@ from typing import Any, TextIO
 
 from rich.console import Console
 
-from ..errors import ContactWarning, ConvergenceWarning, FabricWarning, StabilityWarning
+from ..errors import ContactWarning, ConvergenceWarning, FabricWarning, MeshWarning, StabilityWarning
 
-OURS = (ContactWarning, ConvergenceWarning, FabricWarning, StabilityWarning)
+OURS = (ContactWarning, ConvergenceWarning, FabricWarning, MeshWarning, StabilityWarning)
 
 
 def messages() -> Console:

@@ -1,11 +1,12 @@
 """What a mesh must be to become an obstacle or cloth; each complaint is one sentence."""
 
+import warnings
 from typing import Any
 
 import numpy as np
 
 from .. import validate
-from ..errors import MeshError
+from ..errors import MeshError, MeshWarning
 from .topology import EdgeTable
 
 FLATNESS = 1e-6  # a triangle lower than this share of its longest edge has no area in float32
@@ -38,16 +39,40 @@ def check_areas(points: np.ndarray, triangles: np.ndarray, label: str) -> None:
     Raises:
         MeshError: naming how many there are, and the first.
     """
+    flat = np.flatnonzero(_without_area(points, triangles))
+    if flat.size:
+        raise MeshError(f"{_said_of(flat, triangles, label)}; remove degenerate triangles.")
+
+
+def areas_only(points: np.ndarray, triangles: np.ndarray, label: str) -> np.ndarray:
+    """The triangles with area, shape [k, 3]; others, which nothing can hit, are left out with a warning.
+
+    Raises:
+        MeshError: there are none, or an index is out of range.
+    """
+    points, triangles = checked_arrays(points, triangles, label)
+    flat = _without_area(points, triangles)
+    if not flat.any():
+        return triangles
+    said = _said_of(np.flatnonzero(flat), triangles, label)
+    if flat.all():
+        raise MeshError(f"{said}, and no others are left to collide with.")
+    warnings.warn(f"{said}; an obstacle does without.", MeshWarning, stacklevel=3)
+    return triangles[~flat]
+
+
+def _without_area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     corners = points[triangles]
     sides = corners - np.roll(corners, 1, axis=1)
     longest = np.einsum("tij,tij->ti", sides, sides).max(axis=1)
     doubled = np.linalg.norm(np.cross(sides[:, 1], sides[:, 2]), axis=1)
-    flat = np.flatnonzero(~(doubled > FLATNESS * longest))
-    if flat.size:
-        what = "triangle has" if flat.size == 1 else "triangles have"
-        first = f"triangle {flat[0]} with vertices {', '.join(map(str, triangles[flat[0]]))}"
-        title = validate.sentence(label)
-        raise MeshError(f"{title}: {flat.size} {what} no area, first {first}; remove degenerate triangles.")
+    return ~(doubled > FLATNESS * longest)
+
+
+def _said_of(flat: np.ndarray, triangles: np.ndarray, label: str) -> str:
+    what = "triangle has" if flat.size == 1 else "triangles have"
+    first = f"triangle {flat[0]} with vertices {', '.join(map(str, triangles[flat[0]]))}"
+    return f"{validate.sentence(label)}: {flat.size} {what} no area, first {first}"
 
 
 def check_manifold(triangles: np.ndarray, table: EdgeTable, label: str) -> None:

@@ -18,8 +18,8 @@ def read_mesh(path: Any, prim: str | None = None, *, join: bool = False) -> Tria
     """A triangle mesh from a file, Z up and in metres.
 
     USD and glTF keep their axes and units and are converted; OBJ, PLY, STL and OFF have none and are taken as Z up in
-    metres. Polygons are triangulated, vertices in exactly the same place are merged (so texture seams do not cut the
-    cloth) and unused ones dropped; texture coordinates are kept.
+    metres. Polygons are triangulated, vertices in the same place, or nearer than a millionth of the mesh's largest
+    extent, are merged (so texture seams do not cut the cloth) and unused ones dropped; texture coordinates are kept.
 
     Args:
         path: file name, or asset name such as ``"warp:bunny.usd"``.

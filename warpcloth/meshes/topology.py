@@ -87,3 +87,33 @@ def _flips(count: int, pairs: np.ndarray, clash: np.ndarray) -> np.ndarray:
         if 2 * np.count_nonzero(flips[piece]) > len(piece):
             flips[piece] ^= True
     return flips
+
+
+def connected(a: np.ndarray, b: np.ndarray, count: int) -> np.ndarray:
+    """For each of ``count`` nodes the lowest one that links a–b connect it with, shape [count]."""
+    label = np.arange(count)
+    while True:
+        lower, before = np.minimum(label[a], label[b]), label.copy()
+        np.minimum.at(label, a, lower)
+        np.minimum.at(label, b, lower)
+        label = label[label]
+        if np.array_equal(label, before):
+            return label
+
+
+def near_groups(points: np.ndarray, distance: float) -> np.ndarray:
+    """For each point the first of those in the same place, shape [n].
+
+    Points nearer than ``distance`` are in the same place, points further apart than 7 times that are not. Two that are
+    near share a cell of at least one of eight lattices, which are half a cell apart along the axes. Cells are counted
+    in 20 bits, so ``distance`` must be above 2.5e-7 of the largest extent.
+    """
+    count = len(points)
+    if distance <= 0.0:
+        return np.zeros(count, np.int64)
+    cells, firsts = (points - points.min(axis=0)) / (4.0 * distance), []
+    for shift in np.ndindex(2, 2, 2):
+        x, y, z = np.floor(cells + 0.5 * np.array(shift)).astype(np.int64).T
+        _, first, group = np.unique((x << 40) + (y << 20) + z, return_index=True, return_inverse=True)
+        firsts.append(first[group.ravel()])
+    return connected(np.tile(np.arange(count), len(firsts)), np.concatenate(firsts), count)

@@ -10,8 +10,10 @@ from .. import validate
 from ..errors import MeshError
 from ..transforms import apply
 from ..validate import Array
-from .check import check_areas, check_manifold, checked_arrays
-from .topology import EdgeTable, oriented
+from .check import areas_only, check_areas, check_manifold, checked_arrays
+from .topology import EdgeTable, near_groups, oriented
+
+SEAM = 1e-6  # of a mesh's largest extent: some rounding errors of float32, far below any edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +68,12 @@ class TriangleMesh:
         return replace(self, triangles=self.triangles[:, ::-1], uv_indices=corners)
 
     def welded(self) -> "TriangleMesh":
-        """The mesh with vertices in exactly the same place merged, and those that no triangle uses dropped.
+        """The mesh with vertices in the same place merged, and those that no triangle uses dropped.
 
-        Order is kept. Layers that lie in the same place are left apart: nothing is merged when that would give an edge
-        more than two triangles.
+        Nearer than :data:`SEAM` times the mesh's largest extent is the same place, as writers round; the first keeps
+        its place. Order is kept. Layers that lie in the same place are left apart: nothing is merged when that would
+        give an edge more than two triangles. Where merging what is only near would do so, or make a triangle shrink to
+        a line, what is exactly in the same place is merged.
         """
         return self.weld()[0]
 
@@ -77,10 +81,7 @@ class TriangleMesh:
         """The same, and which vertex of it each of the vertices here has become, −1 for dropped ones; shape [n]."""
         used = np.zeros(len(self.points), bool)
         used[self.triangles] = True
-        _, first, group = np.unique(self.points + 0.0, axis=0, return_index=True, return_inverse=True)
-        merged = first[group.ravel()]
-        if not EdgeTable.of(merged[self.triangles]).is_manifold and EdgeTable.of(self.triangles).is_manifold:
-            merged = np.arange(len(self.points))
+        merged = self._merged()
         keep = np.zeros(len(self.points), bool)
         keep[merged[used]] = True
         if keep.all():
@@ -88,6 +89,19 @@ class TriangleMesh:
         number = np.cumsum(keep) - 1
         welded = replace(self, points=self.points[keep], triangles=number[merged[self.triangles]])
         return welded, np.where(keep[merged], number[merged], -1)
+
+    def _merged(self) -> np.ndarray:
+        """Which vertex each vertex becomes part of, shape [n]."""
+        _, first, group = np.unique(self.points + 0.0, axis=0, return_index=True, return_inverse=True)
+        exact = first[group.ravel()]
+        near = near_groups(self.points, SEAM * float(np.ptp(self.points, axis=0).max()))
+        branches = not EdgeTable.of(self.triangles).is_manifold
+        harmless = np.array_equal(_shrunk(near[self.triangles]), _shrunk(exact[self.triangles]))
+        if harmless and (branches or EdgeTable.of(near[self.triangles]).is_manifold):
+            return near
+        if branches or EdgeTable.of(exact[self.triangles]).is_manifold:
+            return exact
+        return np.arange(len(self.points))
 
     @staticmethod
     def joined(meshes: Sequence["TriangleMesh"], name: str) -> "TriangleMesh":
@@ -117,19 +131,26 @@ def cloth_mesh(mesh: TriangleMesh) -> TriangleMesh:
 
 
 def obstacle_mesh(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh as obstacle: any triangles with area; closed surfaces are made to face outwards.
+    """The mesh as obstacle: its triangles with area; closed surfaces are made to face outwards.
+
+    What has no area is left out with a :class:`MeshWarning`, after it has had its say in which way others face.
 
     Raises:
-        MeshError: on triangles without area.
+        MeshError: when no triangle has area.
     """
-    check_areas(mesh.points, mesh.triangles, mesh.label)
     table = EdgeTable.of(mesh.triangles)
-    if not table.is_closed:
-        return mesh
-    mesh = _with_triangles(mesh, oriented(mesh.triangles, table, mesh.label))
-    a, b, c = np.moveaxis(mesh.points[mesh.triangles] - mesh.points.mean(axis=0), 1, 0)
-    volume = np.einsum("ti,ti->", a, np.cross(b, c))
-    return mesh.flipped() if volume < 0.0 else mesh
+    if table.is_closed:
+        mesh = _with_triangles(mesh, oriented(mesh.triangles, table, mesh.label))
+        a, b, c = np.moveaxis(mesh.points[mesh.triangles] - mesh.points.mean(axis=0), 1, 0)
+        volume = np.einsum("ti,ti->", a, np.cross(b, c))
+        mesh = mesh.flipped() if volume < 0.0 else mesh
+    kept = areas_only(mesh.points, mesh.triangles, mesh.label)
+    return mesh if len(kept) == len(mesh.triangles) else TriangleMesh(mesh.points, kept, name=mesh.name)
+
+
+def _shrunk(triangles: np.ndarray) -> np.ndarray:
+    """Which triangles have a corner twice."""
+    return np.any(triangles == np.roll(triangles, 1, axis=1), axis=1)
 
 
 def _with_triangles(mesh: TriangleMesh, triangles: np.ndarray) -> TriangleMesh:

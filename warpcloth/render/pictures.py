@@ -65,7 +65,7 @@ def render(
         output: ``.png``, ``.jpg``, ``.mp4`` or ``.gif``; by default the cache's name in its folder.
         frame: of a still or a turntable, counted from 0; negative numbers count from the end. By default the last.
         turntable: a film of one frame that the camera goes around.
-        sheet: one picture of so many frames, evenly over time.
+        sheet: one picture of so many frames, evenly over time; at most as many as there are.
         size: width and height of the picture [pixels], even numbers.
         camera: see :func:`warpcloth.render.camera.make_camera`.
         fps: pictures per second of a film, for a ``.gif`` the nearest that it can have; by default the cache's.
@@ -81,10 +81,15 @@ def render(
     path, still = _target(playback, output, frame, turntable, sheet)
     if still and fps is not None:
         raise InputError(f"The picture {path.name} does not move, so it has no fps; leave that out, or make a film.")
+    if sheet is not None and validate.integer(sheet, "sheet", minimum=1, maximum=100) > playback.frames:
+        what = f"{playback.frames} frame{'s' if playback.frames > 1 else ''}"
+        raise InputError(
+            f"A sheet of {sheet} frames asks for more than the {what} in {playback.path.name}; ask for fewer."
+        )
     studio = _Renderer(playback, _size(size), camera, color, pattern, still)
     try:
         if sheet is not None:
-            count, rate = validate.integer(sheet, "sheet", minimum=1, maximum=100), 0.0
+            count, rate = sheet, 0.0
             write_still(path, studio.sheet(count, on_picture))
         elif still:
             count, rate = 1, 0.0

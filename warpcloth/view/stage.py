@@ -195,10 +195,12 @@ class Stage:
             else {},
         }
         data["air"]["wind"] = chosen.wind
+        if not any(chosen.wind):
+            data["air"]["gust"] = 0.0  # a share of no wind, which scenes refuse
         if chosen.fabric != AS_IN_SCENE:
             for table in data["cloth"]:
                 table["fabric"] = {"name": chosen.fabric, "color": table["fabric"]["color"]}
-        return Scene.model_validate(data).placed(self.scene.name, self.scene.folder)
+        return self.scene.changed(data)
 
     def _with_pins(self, cloth: Any) -> Any:
         """The cloth with the pins that people set and took away."""
