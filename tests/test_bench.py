@@ -14,6 +14,7 @@ from warpcloth.benchmarks.integrators.reference import Reference, reference
 from warpcloth.benchmarks.integrators.runs import measure, split
 from warpcloth.benchmarks.integrators.scene import scene_problem
 from warpcloth.benchmarks.integrators.stability_limit import limit
+from warpcloth.benchmarks.integrators.tables import tables
 from warpcloth.benchmarks.integrators.work_precision import observed_order, sweep
 from warpcloth.scenes import load_scene
 from warpcloth.scenes.built import BuiltScene, make_model, make_simulation
@@ -200,3 +201,26 @@ def test_bad_input_is_one_sentence(arguments, words, capfd):
     message = capfd.readouterr().err
     assert message.count("\n") == 1
     assert all(word in message for word in words)
+
+
+def test_the_budget_holds_where_stable_steps_are_next_to_nothing(tmp_path, monkeypatch, capfd):
+    """Stiff bending on a fine mesh asks explicit schemes for millions of steps: references change over to `bdf2`, and
+    schemes that would take too long have no run; where even that takes too long, there is one sentence."""
+    path = tmp_path / "stiff.toml"
+    cloth = 'shape = "grid"\nsize = [0.1, 0.1]\nresolution = [17, 17]\npins = [{ edge = "left" }]\n'
+    path.write_text(f"frames = 4\n[[cloth]]\n{cloth}fabric = {{ bending_rigidity = 1e-3 }}\n")
+    for module, least in (("reference", 2.0), ("work_precision", 0.0)):
+        monkeypatch.setattr(f"warpcloth.benchmarks.integrators.{module}.LEAST_TIME", least)
+    selection = select_scene(str(path), ["symplectic_euler", "xpbd"], replace(QUICK, sweep=0.05))
+    results = run_suite(selection)
+    found = results["problems"][selection.problems[0].name]
+    assert found["reference"]["method"].startswith("bdf2")
+    assert found["reference"]["uncertainty"] < 0.2
+    assert found["schemes"]["symplectic_euler"]["runs"] == []
+    assert found["schemes"]["xpbd"]["runs"]
+    assert tables(results)
+    monkeypatch.setattr("warpcloth.benchmarks.integrators.reference.LEAST_TIME", 0.0)
+    arguments = ["--scene", str(path), "--quick", "--budget", "1e-6", "--no-plots"]
+    monkeypatch.setattr("warpcloth.benchmarks.integrators.QUICK", replace(QUICK, reference=1e-6))
+    assert run(["bench", "integrators", *arguments, "--output", str(tmp_path)]) == 2
+    assert "give a larger --budget" in capfd.readouterr().err

@@ -246,3 +246,25 @@ def test_a_hand_leads_worlds_that_were_reset_as_others():
         ways.append(way)
     assert ways[0] == pytest.approx([0.02, 0.04, 0.06, 0.08], abs=1e-3)
     assert ways[1] == pytest.approx(ways[0], abs=1e-6)
+
+
+def test_energy_of_grabs_is_that_of_those_held_now():
+    simulation = hanging()
+
+    def energy() -> float:
+        return simulation.energy()["grab"]
+
+    hand = simulation.grab(3, stiffness=10.0)
+    assert energy() == 0.0
+    hand.move(hand.point + np.array([0.0, 0.05, 0.0]))
+    simulation.step(DT)
+    away = np.linalg.norm(hand.target - hand.point)
+    assert energy() == pytest.approx(0.5 * 10.0 * away**2, rel=1e-4)
+    simulation.reset()
+    away = np.linalg.norm(hand.target - hand.point)
+    assert energy() == pytest.approx(0.5 * 10.0 * away**2, rel=1e-4)
+    before = energy()
+    hand.move(hand.target + 1.0)
+    assert energy() == before
+    hand.release()
+    assert energy() == 0.0

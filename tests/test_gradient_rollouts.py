@@ -10,7 +10,7 @@ import warp as wp
 from gradient_checks import RandomLoss, crumpled
 
 import warpcloth as wc
-from warpcloth.errors import DivergedError, InputError, NotDifferentiableError
+from warpcloth.errors import DivergedError, InputError, NotDifferentiableError, StabilityWarning
 from warpcloth.gradients import Rollout
 
 
@@ -98,6 +98,7 @@ def test_rollouts_in_threads_take_turns():
             np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.filterwarnings("ignore::warpcloth.errors.StabilityWarning")
 def test_bad_input_is_refused():
     model = wc.Model.build([wc.Cloth.grid((0.2, 0.2), (3, 3))], precision="float64", differentiable=True)
     simulation = wc.Simulation(model, substeps=2)
@@ -140,3 +141,21 @@ def test_bad_input_is_refused():
     simulation.grab(0)
     with pytest.raises(NotDifferentiableError, match="Force 'grab'"):
         rollout.forward()
+
+
+def test_too_few_substeps_are_warned_of():
+    model = wc.Model.build([wc.Cloth.grid((0.2, 0.2), (3, 3))], precision="float64", differentiable=True)
+    rollout = Rollout(wc.Simulation(model, substeps=2), 1)
+    with pytest.warns(StabilityWarning, match="symplectic_euler is unstable with 2 substeps per frame"):
+        rollout.forward()
+
+
+def test_what_had_settled_before_a_rollout_has_not_after_it():
+    model = wc.Model.build([wc.Cloth.grid((0.2, 0.2), (3, 3))], precision="float64", differentiable=True)
+    simulation = wc.Simulation(model, gravity=(0, 0, 0))
+    simulation.run(20)
+    assert simulation.settled
+    rollout = Rollout(simulation, 2)
+    rollout.start.particle_qd.fill_(1.0)
+    rollout.forward()
+    assert not simulation.settled

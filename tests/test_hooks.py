@@ -253,6 +253,12 @@ def test_arrays_that_do_not_fit_are_refused(array, sentence):
         wc.AppliedForce(model(), array)
 
 
+@pytest.mark.parametrize("what", [None, "model"])
+def test_applied_forces_need_a_model(what):
+    with pytest.raises(InputError, match=rf"^AppliedForce needs a Model, got {type(what).__name__}\.$"):
+        wc.AppliedForce(what)
+
+
 def test_arrays_on_another_device_are_refused():
     """As there may be no second device here, the model only says that it is on one."""
     elsewhere = SimpleNamespace(device="cuda:0", vec3=wp.vec3, particle_count=36, world_count=1)

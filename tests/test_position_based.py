@@ -250,3 +250,15 @@ def test_many_sweeps_do_not_make_steps_so_long_that_cloth_goes_on_swinging():
     sim.run(180)
     assert sim.substeps >= 3
     assert sim.settled
+
+
+@pytest.mark.parametrize(("cells", "time"), [(9, 5.0), (17, 5.0), (9, 50.0)])
+def test_strong_damping_does_not_throw_cloth(cells, time):
+    """Free cloth with random velocities, at automatic substeps: `vbd` diverged within a tenth of a second."""
+    cloth = wc.Cloth.grid((1.0, 1.0), (cells, cells), wc.Fabric(damping_time=time))
+    sim = wc.Simulation(wc.Model.build(cloth, device="cpu"), "vbd", gravity=(0.0, 0.0, 0.0))
+    sim.state.particle_qd.assign(0.3 * np.random.default_rng(0).standard_normal((cells * cells, 3)))
+    start = sim.energy()["kinetic"]
+    sim.run(120)
+    assert sim.energy()["total"] < 0.5 * start
+    assert np.linalg.norm(sim.state.particle_qd.numpy(), axis=1).max() < 0.5

@@ -175,3 +175,49 @@ def test_a_hand_does_not_make_cloth_ring(name):
     hand.release()
     sim.step(DT)
     assert not sim.integrator._jumped.numpy().any()
+
+
+ROUGH = {"stretch_stiffness": 1e5, "shear_stiffness": 2e4}
+
+
+@pytest.mark.filterwarnings("ignore::warpcloth.errors.ConvergenceWarning")  # as implicit Euler has them there
+@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize(
+    ("fabric", "rough", "wind"),
+    [
+        ({}, 0.0, 0.0),
+        ({"damping_time": 0.0}, 0.3, 0.0),
+        (ROUGH, 0.3, 0.0),
+        ({}, 0.0, 100.0),
+        ({"damping_time": 0.1}, 0.3, 0.0),
+    ],
+)
+def test_nothing_gains_energy_by_too_large_a_step(name, fabric, rough, wind):
+    """At one step a frame, hung by two corners: 91 m/s as it is, 384 undamped, 879 if stiff; trapezoid, 6e4 if damped
+    for long, 9e6 in a storm."""
+    cloth = wc.Cloth.grid((1, 1), (17, 17), replace(wc.Fabric(), **fabric), pins=["top_left", "top_right"])
+    sim = wc.Simulation(wc.Model.build(cloth, device="cpu"), name, air=wc.Air(wind=(wind, 0, 0)) if wind else None)
+    noise = np.random.default_rng(0).standard_normal((2, 289, 3)) * (sim.model.particle_inv_mass.numpy() > 0.0)[:, None]
+    sim.state.particle_q.assign(sim.state.particle_q.numpy() + 0.01 * rough * noise[0])
+    sim.state.particle_qd.assign(sim.state.particle_qd.numpy() + rough * noise[1])
+    start, fastest = sim.energy()["total"], 0.0
+    for _ in range(20 if wind or fabric.get("damping_time") else 60):
+        sim.step(DT)
+        fastest = max(fastest, greatest_speeds(sim.model, sim.state)[0])
+        assert wind or sim.energy()["total"] < 1.1 * start + 0.1
+    assert sim.substeps == 1
+    assert 1.0 < fastest < 15.0 + 2.0 * wind
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_motion_that_steps_resolve_is_not_damped(name):
+    """Undamped cloth that swings with a thirtieth of a frame as its step keeps its energy, and takes no damped step."""
+    fabric = replace(FABRIC, damping_time=0.0)
+    cloth = wc.Cloth.grid((0.24, 0.24), (9, 9), fabric, pins=["top_left", "top_right"])
+    sim = wc.Simulation(wc.Model.build(cloth, device="cpu", precision="float64"), name, substeps=30)
+    start, kinetic = sim.energy()["total"], []
+    for _ in range(30):
+        sim.step(DT)
+        kinetic.append(sim.energy()["kinetic"])
+        assert not sim.integrator._damps.numpy().any()
+    assert abs(sim.energy()["total"] - start) < 0.01 * max(kinetic)

@@ -66,6 +66,7 @@ class Simulation:
         substeps: steps per frame in use; 0 before the first frame when "auto".
         watch: with ``profile``, the wall times [s] of detecting contact, integrating, responding to contact, and the
             guard, in ``watch.seconds``.
+        lookout: what has been seen of the frames, see :class:`~warpcloth.lookout.Lookout`.
         tape: a :class:`GrabTape` of all that was done with :meth:`grab`.
     """
 
@@ -126,7 +127,7 @@ class Simulation:
         self.time = 0.0
         self.tape = GrabTape()
         self._grabs: Grabs | None = None
-        self._lookout = Lookout(model, self.integrator, self.contact)
+        self.lookout = Lookout(model, self.integrator, self.contact)
         self.untangled = untangle(model, self.state) if validate.flag(untangled, "untangled") else None
         self._reset = WorldReset(model, self.state)
         if validate.flag(check_start, "check_start"):
@@ -154,7 +155,7 @@ class Simulation:
         if self._auto:
             self.substeps = self._stable_substeps(dt)
         else:
-            self._lookout.warn_if_unstable(self.state, dt, self.substeps)
+            self.lookout.warn_if_unstable(self.state, dt, self.substeps)
         if self._grabs is not None:
             self._grabs.begin_frame(self.state, dt, dt / self.substeps)
         key = (dt, self.substeps)
@@ -163,7 +164,7 @@ class Simulation:
             self._grabs.end_frame()
         self.time += dt
         if self.check:
-            self._lookout.look(self._backup.before, self.state, self.time, dt, self.substeps)
+            self.lookout.look(self._backup.before, self.state, self.time, dt, self.substeps)
 
     @launches
     def reset(self, worlds: Any = None) -> None:
@@ -185,7 +186,7 @@ class Simulation:
             self.integrator.reset()
             self.time = 0.0
         if self.check and not self.model.device.is_capturing:
-            self._lookout.rest_since[mask.numpy()] = np.inf
+            self.lookout.rest_since[mask.numpy()] = np.inf
 
     def verify(self) -> None:
         """Call it now and then while you replay frames from a graph of your own; it brings ``time`` up to date, by the
@@ -271,7 +272,7 @@ class Simulation:
 
         Needs ``check``; bool, shape [world_count].
         """
-        return self._lookout.settled(self.time)
+        return self.lookout.settled(self.time)
 
     def continue_from(self, other: "Simulation", worlds: Sequence[int]) -> None:
         """Goes on where ``other`` is, with some of its worlds: each does from here on what it would have done there.
@@ -285,7 +286,7 @@ class Simulation:
             # What a scheme or a force keeps may be in fewer arrays here: the last ones were of other worlds.
             take_worlds(self.state, mine.memory(), other.model, other.state, theirs.memory(), keep)
         self.time, self.substeps, self._auto_step = other.time, other.substeps, other._auto_step
-        self._lookout.rest_since = other._lookout.rest_since[keep]
+        self.lookout.rest_since = other.lookout.rest_since[keep]
 
     def _frame(self, dt: float, substeps: int) -> None:
         now, later = self.state, self._other

@@ -9,11 +9,13 @@ import numpy as np
 
 import warpcloth as wc
 from warpcloth import stability
+from warpcloth.errors import InputError
 from warpcloth.integrators import IntegratorInfo
 
 from .problems import Problem, Solution
-from .runs import beyond_limits, compile_seconds, solution, split
+from .runs import LEAST_TIME, beyond_limits, compile_seconds, run_frames, solution, split
 
+STIFF = "bdf2"  # of the schemes of order 2 without a stable step the one that damps what its steps do not resolve
 TARGET = 1e-11  # relative difference of two references at which the finer one is good enough
 
 
@@ -42,34 +44,55 @@ def finest_scheme(schemes: Mapping[str, IntegratorInfo] | None = None) -> Integr
 def reference(problem: Problem, budget: float) -> Reference:
     """The truth that runs of ``problem`` are compared with.
 
-    Steps are halved, once at least, until two solutions agree to 1e-11 or another would exceed ``budget`` [s].
+    Steps are halved, once at least, until two solutions agree to 1e-11 or another would exceed ``budget`` [s]. Where
+    stability alone asks for so many steps that the first two exceed it, and 10 s, the scheme is :data:`STIFF`, from
+    the coarsest steps of the problem on.
+
+    Raises:
+        InputError: those of that scheme exceed it, too.
     """
     if problem.exact is not None:
         return Reference(problem.exact(), 0.0, "closed form")
-    scheme = finest_scheme()
-    sim = problem.simulation(scheme.name, 1)
-    steps = 2 * int(np.ceil(problem.end / stability.largest_stable_step(sim.model, sim.integrator)))
-    compile_seconds(problem, scheme.name)
-    begun = time.perf_counter()
-    found, gap = _solve(problem, scheme.name, steps), math.inf
-    spent = time.perf_counter() - begun
-    while gap > TARGET and (math.isinf(gap) or 3.0 * spent < budget):
-        steps *= 2
+    scheme = finest_scheme().name
+    sim = problem.simulation(scheme, 1)
+    stable = 2 * int(np.ceil(problem.end / stability.largest_stable_step(sim.model, sim.integrator)))
+    coarse = max(1, round(problem.end / problem.first_step))
+    most = max(budget, LEAST_TIME)
+    for name, steps, time_left in ((scheme, stable, budget), (STIFF, coarse, most)):
+        compile_seconds(problem, name)
         begun = time.perf_counter()
-        coarser, found = found, _solve(problem, scheme.name, steps)
+        first = _solve(problem, name, steps, most / 3.0)  # the second takes twice as long
+        second = None if first is None else _solve(problem, name, 2 * steps, most - (time.perf_counter() - begun))
+        if first is not None and second is not None:
+            spent = time.perf_counter() - begun
+            return _refined(problem, name, 2 * steps, (first, second), time_left - spent, 2.0 / 3.0 * spent)
+    raise InputError(
+        f"A reference solution of '{problem.name}' takes longer than {most:.3g} s, with {STIFF} as well; give a larger "
+        "--budget, of which references get ten times as much, or fewer --frames of the scene."
+    )
+
+
+def _refined(
+    problem: Problem, scheme: str, steps: int, pair: tuple[Solution, Solution], budget: float, spent: float
+) -> Reference:
+    """From a pair of solutions on, the finer one of ``steps`` steps, which took ``spent`` [s]."""
+    found, gap = pair[1], _gap(problem, *pair)
+    while gap > TARGET and 3.0 * spent < budget:
+        begun = time.perf_counter()
+        finer = _solve(problem, scheme, 2 * steps, math.inf)
+        assert finer is not None  # it had all the time it wanted
         spent = time.perf_counter() - begun
         budget -= spent
-        gap = _gap(problem, coarser, found)
-    return Reference(found, gap, f"{scheme.name}, {steps} steps of {problem.end / steps:.3g} s")
+        found, gap, steps = finer, _gap(problem, found, finer), 2 * steps
+    return Reference(found, gap, f"{scheme}, {steps} steps of {problem.end / steps:.3g} s")
 
 
-def _solve(problem: Problem, scheme: str, steps: int) -> Solution:
-    frames, substeps = split(steps)
+def _solve(problem: Problem, scheme: str, steps: int, most: float) -> Solution | None:
+    """None: it takes longer than ``most`` [s]. Frames of one step, where steps are long, so that the clock is seen."""
+    frames, substeps = (steps, 1) if scheme == STIFF else split(steps)
     with beyond_limits():
         sim = problem.simulation(scheme, substeps)
-        for _ in range(frames):
-            sim.step(problem.end / frames)
-    return solution(sim)
+        return solution(sim) if run_frames(sim, frames, problem.end / frames, most) else None
 
 
 def _gap(problem: Problem, coarse: Solution, fine: Solution) -> float:

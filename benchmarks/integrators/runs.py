@@ -18,6 +18,7 @@ from warpcloth.errors import SimulationError
 from .problems import Problem, Solution
 
 LARGEST_FRAME = 16  # steps that share a graph; more make capturing slow and replay hardly faster
+LEAST_TIME = 10.0  # [s] that what a table cannot do without may take, however small the budget
 REPEAT_BELOW = 0.15  # [s] shorter runs are timed three times, unless they fail
 HOPELESS = 1e3  # relative error of a run that has diverged
 
@@ -82,8 +83,10 @@ def beyond_limits() -> Iterator[None]:
         yield
 
 
-def measure(problem: Problem, integrator: str, steps: int, truth: Solution, options: dict | None = None) -> Run:
-    """Runs ``problem`` to its end with ``steps`` steps."""
+def measure(
+    problem: Problem, integrator: str, steps: int, truth: Solution, options: dict | None = None, most: float = math.inf
+) -> Run | None:
+    """Runs ``problem`` to its end with ``steps`` steps; None: given up, as that takes longer than ``most`` [s]."""
     frames, substeps = split(steps)
     with beyond_limits():
         sim = problem.simulation(integrator, substeps, options)
@@ -94,7 +97,10 @@ def measure(problem: Problem, integrator: str, steps: int, truth: Solution, opti
         while not times or (len(times) < 3 and times[0][0] < REPEAT_BELOW and errors[0] < HOPELESS):
             sim.reset()
             before = Counts.of(sim)
-            times.append(_timed(sim, frames, dt))
+            timed = _timed(sim, frames, dt, most)
+            if timed is None:
+                return None
+            times.append(timed)
             counts = Counts.of(sim).since(before)
             errors = errors_of(sim, truth)
         strain = mean_strain(sim.model, sim.state.particle_q.numpy())
@@ -156,13 +162,26 @@ def try_step(sim: Simulation, dt: float) -> bool:
     return True
 
 
-def _timed(sim: Simulation, frames: int, dt: float) -> tuple[float, float]:
-    """Wall time and processor time [s] of a run."""
-    wp.synchronize_device(sim.model.device)
-    begun, begun_cpu = time.perf_counter(), time.process_time()
-    for _ in range(frames):
+def run_frames(sim: Simulation, frames: int, dt: float, most: float) -> bool:
+    """So many frames, or those up to one that a scheme did not get through; False: after ``most`` [s] there were more.
+
+    It is looked at the clock after each frame.
+    """
+    end = time.perf_counter() + most
+    for number in range(1, frames + 1):
         if not try_step(sim, dt):
             break
+        if number < frames and time.perf_counter() > end:
+            return False
+    return True
+
+
+def _timed(sim: Simulation, frames: int, dt: float, most: float) -> tuple[float, float] | None:
+    """Wall time and processor time [s] of a run; None: it would have taken longer than ``most`` [s]."""
+    wp.synchronize_device(sim.model.device)
+    begun, begun_cpu = time.perf_counter(), time.process_time()
+    if not run_frames(sim, frames, dt, most):
+        return None
     wp.synchronize_device(sim.model.device)
     return time.perf_counter() - begun, time.process_time() - begun_cpu
 

@@ -8,7 +8,7 @@ from warpcloth import integrators, stability
 
 from .problems import Problem
 from .reference import Reference
-from .runs import Run, as_dict, measure
+from .runs import LEAST_TIME, Run, as_dict, measure
 
 EXACT_ENOUGH = 1e-10
 MOST = 40  # runs of a sweep
@@ -25,13 +25,18 @@ def sweep(problem: Problem, integrator: str, truth: Reference, budget: float, ha
     chooses its own steps and no obstacle bounds them.
 
     The last is the one whose error is as small as the reference can show, or the last before ``budget`` [s] of wall
-    time (four times that for the first three stable runs) or ``halvings`` of stable steps run out.
+    time (four times that for the first three stable runs) or ``halvings`` of stable steps run out. There is none where
+    the first takes longer than that and than 10 s.
     """
     runs: list[Run] = []
     stable, most = 0, 4.0 * budget
     floor = max(EXACT_ENOUGH, truth.uncertainty)
     for steps, options in _settings(problem, integrator):
-        runs.append(measure(problem, integrator, steps, truth.solution, options))
+        longest = max(most, LEAST_TIME) if not runs else most
+        found = measure(problem, integrator, steps, truth.solution, options, longest)
+        if found is None:
+            break
+        runs.append(found)
         spent = runs[-1].wall_s
         budget, most = budget - spent, most - spent
         stable += not runs[-1].diverged

@@ -50,7 +50,8 @@ def _selection(
 
     effort = QUICK if quick else Effort()
     if budget is not None:
-        effort = replace(effort, sweep=validate.number(budget, "budget", above=0.0, maximum=1e6))
+        budget = validate.number(budget, "budget", above=0.0, maximum=1e6)
+        effort = replace(effort, sweep=budget, reference=max(effort.reference, 10.0 * budget))
     if scene is None:
         if frames is not None:
             raise InputError("--frames says how much of a --scene to run; the test problems have their own durations.")

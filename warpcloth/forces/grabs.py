@@ -74,7 +74,8 @@ class Grabs:
         self._grabs.span = model.array(np.ones(1), wp.float64)
         self._energy = wp.zeros(model.world_count, dtype=wp.float64, device=model.device)
         self._held = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
-        self._idle = True
+        self._idle, self._within_frame = True, False
+        self._step = 1e-12  # [s] of the latest frame; before the first nothing is too stiff
 
     def take(self, hold: Hold, target: np.ndarray) -> int:
         """A slot for a new grab.
@@ -101,6 +102,12 @@ class Grabs:
         if self._idle and not busy:
             return
         self._idle = not busy
+        self._step, self._within_frame = step, True
+        self._write(state, self.targets)
+        self._grabs.span.fill_(dt)
+
+    def _write(self, state: State, targets: np.ndarray) -> None:
+        """All grabs as they are, on their way to ``targets`` [m] from now on."""
         clocks = state.world_time.numpy()
         stiffness, damping, begun = np.zeros(SLOTS), np.zeros(SLOTS), np.zeros(SLOTS)
         particles, weights = np.zeros((SLOTS, 3), np.int32), np.zeros((SLOTS, 3))
@@ -112,21 +119,21 @@ class Grabs:
                 world = self._world[hold.particles[0]]
                 begun[slot], held[world] = clocks[world], 1
         if self.explicit:
-            most = SAFE_SHARE / np.maximum(self._mobility(particles, weights), 1e-300)
-            stiffness, damping = np.minimum(stiffness, most / step**2), np.minimum(damping, most / step)
+            most = SAFE_SHARE / np.maximum(self._mobility(particles, weights), 1e-200)
+            stiffness, damping = np.minimum(stiffness, most / self._step**2), np.minimum(damping, most / self._step)
         self._grabs.particles.assign(particles)
         self._grabs.weights.assign(weights)
         self._grabs.stiffness.assign(stiffness)
         self._grabs.damping.assign(damping)
         self._grabs.target_from.assign(self._before)
-        self._grabs.target_to.assign(self.targets)
+        self._grabs.target_to.assign(targets)
         self._grabs.begun.assign(begun)
         self._held.assign(held)
-        self._grabs.span.fill_(dt)
 
     def end_frame(self) -> None:
         """The targets have been reached."""
         self._before = self.targets.copy()
+        self._within_frame = False
 
     def _mobility(self, particles: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Of each slot Σ_h Σ_i wᵢ w_hi/mᵢ [1/kg] over all slots h, itself included, shape [SLOTS].
@@ -145,7 +152,12 @@ class Grabs:
         self._launch("forces", [*inputs, state.particle_q, state.particle_qd], state.particle_f)
 
     def energy(self, state: State) -> dict[str, float]:
-        """Energy of the grabs' springs [J]."""
+        """Energy of the grabs' springs [J], between frames of those held now, at the targets that they have reached.
+
+        Where :meth:`~warpcloth.Grab.move` leads to is for the next frame, so it changes nothing yet.
+        """
+        if not self._within_frame:
+            self._write(state, self._before)
         fill(self._energy)
         inputs = [self.model.particle_world, self._grabs, state.world_time, state.particle_q]
         self._launch("energy", inputs, self._energy)

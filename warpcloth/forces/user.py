@@ -3,6 +3,7 @@
 import warp as wp
 
 from .. import validate
+from ..errors import InputError
 from ..launching import launch
 from ..model import Model
 from ..state import State
@@ -50,7 +51,7 @@ class AppliedForce(UserForce):
         force: [N], vec3 of the model's precision, shape [particle_count], on the model's device; None: zeros.
 
     Raises:
-        InputError: the array is not like that.
+        InputError: the array is not like that, or the model is none.
 
     Attributes:
         force: the array, read in every evaluation; write to it, but do not replace it.
@@ -60,6 +61,8 @@ class AppliedForce(UserForce):
     launches_recorded = True
 
     def __init__(self, model: Model, force: wp.array | None = None):
+        if getattr(model, "vec3", None) is None:  # anything that has what is needed will do
+            raise InputError(f"AppliedForce needs a Model, got {type(model).__name__}.")
         self.model = model
         if force is None:
             force = wp.zeros(model.particle_count, dtype=model.vec3, device=model.device)

@@ -116,12 +116,17 @@ class Rollout:
             DivergedError: something is no longer finite, or more than 1000 km off.
             InputError: a tape is recording, or ``tape`` is none.
             NotDifferentiableError: the simulation has got something without gradients, such as a grab.
+
+        Warns:
+            StabilityWarning: the simulation's ``substeps`` are too few for its integrator and the present parameters.
         """
         _check_no_tape_records()
         if tape is not None and not isinstance(tape, wp.Tape):
             raise InputError(f"Tape must be a warp.Tape, got {type(tape).__name__}.")
         simulation, self._derived = self.simulation, None
         check_differentiable(simulation)
+        simulation.lookout.warn_if_unstable(self.start, self._frame_dt, self.substeps)
+        simulation.lookout.rest_since[:] = np.inf  # of where it was before, and of frames that nobody looks at
         self._origin.put(0)
         simulation.state.particle_q.assign(self.start.particle_q)
         simulation.state.particle_qd.assign(self.start.particle_qd)

@@ -93,7 +93,13 @@ class RungeKutta(Integrator):
 
 
 class ForwardEuler(RungeKutta):
-    """x ← x + h v, v ← v + h a(x, v)."""
+    """x ← x + h v, v ← v + h a(x, v).
+
+    Motion across taut springs has no damping in the law, so it grows by ω² h/2 per second, ω² being about tension over
+    mass and length. Automatic substeps do not know the tension to come: cotton of 9² vertices that hangs by two corners
+    grows by 2 to 4/s, which its nonlinearity takes up, but under 1000 m/s² by 36 to 66/s, and diverged after 0.4 s with
+    the automatic 48 substeps; with 4000 it moved as with other schemes.
+    """
 
     name = "forward_euler"
     tableau = FORWARD_EULER
