@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 import warpcloth as wc
 from warpcloth.cloth import Cloth
@@ -60,6 +61,17 @@ def test_what_is_no_longer_pressed_loses_its_padding():
     sim.state.particle_q.assign(q)
     sim.step(FRAME)
     assert sim.contact.cloths.padding.length.numpy().max() < 0.75 * padding.max()
+
+
+def test_what_touches_an_obstacle_only_loses_its_padding():
+    cone = wc.MeshObstacle.from_mesh(trimesh.creation.cone(0.05, 0.08, sections=8))
+    sheet = wc.Cloth.grid((0.15, 0.15), (8, 8), COTTON, transform=(0.003, 0.004, 0.081))
+    sim = resting([([sheet], [cone])])
+    sim.run(20)
+    padding = sim.contact.cloths.padding.length
+    padding.fill_(COTTON.thickness)
+    sim.run(20)
+    assert padding.numpy().max() < 0.01 * COTTON.thickness
 
 
 def test_a_stack_that_is_reset_repeats_itself():
