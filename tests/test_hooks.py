@@ -161,6 +161,17 @@ def test_a_frame_in_which_a_hook_raises_has_not_been(frame, contact):
     np.testing.assert_array_equal(phase(sims[0]), phase(sims[1]))
 
 
+def test_a_frame_that_has_not_been_is_not_counted():
+    def count_and_fail() -> None:
+        sim.contact.cloths.counts.fill_(5)
+        fail()
+
+    sim = wc.Simulation(model(), substeps=20, hooks=[Once(9, count_and_fail)], contact="all")
+    with pytest.raises(ZeroDivisionError):
+        sim.step(FRAME)
+    assert set(sim.contact.metrics().values()) == {0}
+
+
 def test_simulations_in_other_threads_wait_while_a_frame_is_recorded():
     """And none is recorded in the middle of a frame of theirs: Warp would put their launches into the graph. What runs
     without being recorded keeps nobody waiting."""
