@@ -16,7 +16,7 @@ def stack(count: int) -> list[Cloth]:
     """Sheets on the floor, each a thickness above the one below."""
     lowest, step = FLOOR.thickness + 0.5 * COTTON.thickness, COTTON.thickness
     places = [(0.0, 0.0, lowest + k * step) for k in range(count)]
-    return [wc.Cloth.grid((0.09, 0.09), (6, 6), COTTON, name=f"{k}", transform=x) for k, x in enumerate(places)]
+    return [wc.Cloth.grid((0.09, 0.09), (7, 7), COTTON, name=f"{k}", transform=x) for k, x in enumerate(places)]
 
 
 def resting(worlds: list, integrator: str = "xpbd", **options) -> wc.Simulation:
@@ -57,10 +57,18 @@ def test_what_is_no_longer_pressed_loses_its_padding():
     padding = sim.contact.cloths.padding.length.numpy().copy()
     assert padding.max() > 0.1 * COTTON.thickness
     q = sim.state.particle_q.numpy()
-    q[:, 2] += np.repeat(0.1 * np.arange(4), 36)  # far apart
+    q[:, 2] += np.repeat(0.1 * np.arange(1, 5), 49)  # far apart
     sim.state.particle_q.assign(q)
     sim.step(FRAME)
     assert sim.contact.cloths.padding.length.numpy().max() < 0.75 * padding.max()
+    assert not sim.contact.obstacles.holds.numpy().any()
+
+
+def test_padding_is_at_most_four_radii():
+    sim = resting([(stack(1), [FLOOR])])
+    sim.contact.cloths.padding.length.fill_(1.0)
+    sim.step(FRAME)
+    assert 0.0 < sim.contact.cloths.padding.length.numpy().max() <= 4.0 * 0.5 * COTTON.thickness
 
 
 def test_what_touches_an_obstacle_only_loses_its_padding():
