@@ -93,8 +93,8 @@ def test_a_stack_that_is_reset_repeats_itself():
 
 
 def test_stacks_need_passes_of_their_own_world_only():
-    """A pile beside it changes no bit of a pair of sheets, in a model of both and when it goes on alone."""
-    low, high = (stack(2), [FLOOR]), (stack(6), [FLOOR])
+    """A pile beside it changes no bit of a lower one, in a model of both and when it goes on alone."""
+    low, high = (stack(3), [FLOOR]), (stack(6), [FLOOR])
     alone, both = resting([low], substeps=10), resting([high, low], substeps=10)
     for sim in (alone, both):
         sim.run(12)

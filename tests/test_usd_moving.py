@@ -6,7 +6,7 @@ from pxr import Gf, Sdf, Ts, Usd, UsdGeom, UsdPhysics
 from shot_files import add_cloth, new_stage, pin_points
 from warpcloth.scenes.shots.shot import read_shot
 from warpcloth.scenes.usd import read_obstacles
-from warpcloth.scenes.usd.moving import path_codes, transform_codes
+from warpcloth.scenes.usd.moving import merged, path_codes, transform_codes
 
 from warpcloth.errors import UsdError
 from warpcloth.transforms import apply
@@ -151,6 +151,10 @@ def test_a_matrix_may_be_blocked_at_times():
     assert path_codes(shape.GetPrim()) == [0.0, 6.0, 12.0]
     (box,) = read_obstacles(stage)
     np.testing.assert_allclose(apply(box.matrix(0.25), box.center), (0.5, 0.0, 0.1), atol=1e-9)
+
+
+def test_codes_that_rounding_parts_are_one():
+    assert merged(new_scene(), [0.0, 1.0, 2.0], [1.0 + 1e-9, 1.5]) == [0.0, 1.0, 1.5, 2.0]
 
 
 def test_still_and_straight_motions_need_no_more_than_their_samples():
