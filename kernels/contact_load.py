@@ -138,10 +138,10 @@ def adapt_load(
     load_out: Load,
     lack_out: wp.array(dtype=wp.int64),
 ):
-    """Load after a step of dt [s], by the mean of what a particle's pairs lack; what touches nothing loses it."""
+    """Load after a step of dt [s], by the mean of what a particle's pairs lack; what touches no cloth loses it."""
     i = thread_offset + wp.tid()
-    weight = wp.float64(share[i]) / SHARE_UNIT
-    if weight > wp.float64(0.0):
+    if lack_out[i] != wp.int64(0):  # else it has no pairs, or with obstacles only
+        weight = wp.float64(share[i]) / SHARE_UNIT
         load_out.length[i] = adapted(load_out, i, wp.float64(lack_out[i]) / (MOVE_UNIT * weight), dt)
         lack_out[i] = wp.int64(0)
     elif load_out.length[i] > real(0.0):

@@ -106,7 +106,7 @@ def arrange_law(
 
 
 @wp.kernel
-def take_law(
+def take_properties(
     # Model
     thread_offset: int,
     spring_order: wp.array(dtype=wp.int32),
@@ -114,12 +114,12 @@ def take_law(
     second: wp.array(dtype=real),
     third: wp.array(dtype=real),
     # Out
-    spring_law_out: wp.array(dtype=vec3),
+    spring_properties_out: wp.array(dtype=vec3),
 ):
     """Three properties of springs in another order."""
     j = thread_offset + wp.tid()
     s = spring_order[j]
-    spring_law_out[j] = vec3(first[s], second[s], third[s])
+    spring_properties_out[j] = vec3(first[s], second[s], third[s])
 
 
 @wp.kernel

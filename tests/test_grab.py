@@ -184,6 +184,15 @@ def test_many_hands_on_one_place_do_not_blow_it_up(integrator):
     assert np.linalg.norm(hands[0].point - hands[0].target) < 0.1
 
 
+def test_a_hand_may_hold_what_is_pinned_with_steps_of_any_length():
+    simulation = wc.Simulation(wc.Model.build(wc.Cloth.grid((0.5, 0.5), (5, 5), pins="left")), substeps=500)
+    hand = simulation.grab(0)
+    hand.move(hand.point + 1.0)
+    with np.errstate(all="raise"):
+        simulation.step(DT)
+    assert np.array_equal(hand.point, hand.target - 1.0)
+
+
 @pytest.mark.parametrize("integrator", ["bogacki_shampine", "dormand_prince"])
 def test_schemes_that_choose_their_steps_have_the_stiffness_asked_for(integrator):
     """They rest by the weight over it below the target; see above."""

@@ -161,13 +161,25 @@ def test_a_frame_in_which_a_hook_raises_has_not_been(frame, contact):
     np.testing.assert_array_equal(phase(sims[0]), phase(sims[1]))
 
 
+def test_a_frame_that_has_not_been_is_not_counted():
+    def count_and_fail() -> None:
+        sim.contact.cloths.counts.fill_(5)
+        fail()
+
+    sim = wc.Simulation(model(), substeps=20, hooks=[Once(9, count_and_fail)], contact="all")
+    with pytest.raises(ZeroDivisionError):
+        sim.step(FRAME)
+    assert set(sim.contact.metrics().values()) == {0}
+
+
 def test_simulations_in_other_threads_wait_while_a_frame_is_recorded():
-    """And none is recorded in the middle of a frame of theirs: Warp would put their launches into the graph."""
+    """And none is recorded in the middle of a frame of theirs: Warp would put their launches into the graph. What runs
+    without being recorded keeps nobody waiting."""
     plain, ready = wc.Simulation(model(), substeps=20), []
 
     def make() -> None:
         ready.append(wc.Simulation(model(), substeps=20))
-        ready[0].run(2)
+        ready[-1].run(2)
 
     other = threading.Thread(target=make)
 
@@ -179,19 +191,26 @@ def test_simulations_in_other_threads_wait_while_a_frame_is_recorded():
     sim = wc.Simulation(model(), substeps=20, hooks=[Once(29, begin)])
     sim.run(2)
     other.join()
-    within = wc.Simulation(model(), substeps=20, hooks=[wc.Hook()])
-    within.run(1)
 
     def step_the_other() -> None:
         thread = threading.Thread(target=within.run, args=(1,))
         thread.start()
         thread.join()
 
+    def make_another() -> None:
+        thread = threading.Thread(target=make)
+        thread.start()
+        thread.join(10.0)
+        assert not thread.is_alive()
+
+    within = wc.Simulation(model(), substeps=20, hooks=[Once(29, make_another)])
+    within.run(1)
+
     slow = wc.Simulation(model(), substeps=20, hooks=[Once(9, step_the_other)])
     slow.run(2)
     assert not within._frames.recorded
     plain.run(2)
-    for each in (sim, ready[0], within, slow):
+    for each in (sim, *ready, within, slow):
         np.testing.assert_array_equal(phase(each), phase(plain))
         assert each.time == pytest.approx(2.0 * FRAME)
 

@@ -28,9 +28,9 @@ def numbers(values, dtype=wp.int32) -> wp.array:
 def crowd(threads: int | None, integrator="xpbd", contact="all", **options) -> wc.Simulation:
     """Two cloths thrown at each other above a ball that turns, one with bending."""
     fabrics = wc.Fabric(bending_rigidity=2e-6, bending_hysteresis=0.1), wc.Fabric(areal_density=0.3)
+    starts = [{"transform": (0.01 * k, 0.0, 0.16 + 0.02 * k), "velocity": (0.0, 0.0, -4.0 * k)} for k in range(2)]
     cloths = [
-        wc.Cloth.grid((0.3, 0.3), (11, 11), fabric, name=f"c{k}", transform=(0.01 * k, 0.0, 0.16 + 0.02 * k))
-        for k, fabric in enumerate(fabrics)
+        wc.Cloth.grid((0.3, 0.3), (11, 11), fabric, name=f"c{k}", **starts[k]) for k, fabric in enumerate(fabrics)
     ]
     spin = wc.Motion(times=[0.0, 1.0], positions=np.zeros((2, 3)), rotations=[[0, 0, 0], [0, 0, 6.0]])
     model = wc.Model.build(cloths, [wc.Sphere((0, 0, 0.05), 0.1, motion=spin), wc.Plane()], device="cpu")

@@ -1,9 +1,10 @@
 """What a stage says of itself, and what of the prims below one that somebody names becomes cloth or collider."""
 
 import pytest
-from pxr import UsdGeom, UsdPhysics
+from pxr import Usd, UsdGeom, UsdPhysics
 from shot_files import add_ball, add_cloth, add_mesh, new_stage, sheet
 from warpcloth.scenes import load_scene, simulate
+from warpcloth.scenes.shots.export import export_scene
 from warpcloth.scenes.shots.shot import read_shot
 from warpcloth.scenes.usd.playback import can_play
 
@@ -88,6 +89,11 @@ def test_an_animated_stage_is_no_cache_before_its_cloth_is_simulated(tmp_path, s
     assert not can_play(tmp_path / "shot.usda")
     simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", integrator="xpbd", device="cpu", frames=1)
     assert can_play(tmp_path / "out.usda")
+    export_scene(load_scene("hanging"), tmp_path / "exported.usda")
+    exported = Usd.Stage.Open(str(tmp_path / "exported.usda"))
+    add_mesh(exported, "/World/Walker", sheet(3)).GetPointsAttr().Set(walker.GetPointsAttr().Get(0.0), 1.0)
+    exported.Save()
+    assert not can_play(tmp_path / "exported.usda")
     stage.RemovePrim("/World/Shirt")
     stage.Save()
     assert can_play(tmp_path / "shot.usda")

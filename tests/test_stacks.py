@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 import warpcloth as wc
 from warpcloth.cloth import Cloth
@@ -15,7 +16,7 @@ def stack(count: int) -> list[Cloth]:
     """Sheets on the floor, each a thickness above the one below."""
     lowest, step = FLOOR.thickness + 0.5 * COTTON.thickness, COTTON.thickness
     places = [(0.0, 0.0, lowest + k * step) for k in range(count)]
-    return [wc.Cloth.grid((0.15, 0.15), (7, 7), COTTON, name=f"{k}", transform=x) for k, x in enumerate(places)]
+    return [wc.Cloth.grid((0.09, 0.09), (7, 7), COTTON, name=f"{k}", transform=x) for k, x in enumerate(places)]
 
 
 def resting(worlds: list, integrator: str = "xpbd", **options) -> wc.Simulation:
@@ -56,10 +57,29 @@ def test_what_is_no_longer_pressed_loses_its_load():
     load = sim.contact.cloths.load.length.numpy().copy()
     assert load.max() > 0.1 * COTTON.thickness
     q = sim.state.particle_q.numpy()
-    q[:, 2] += np.repeat(0.1 * np.arange(4), 49)  # far apart
+    q[:, 2] += np.repeat(0.1 * np.arange(1, 5), 49)  # far apart
     sim.state.particle_q.assign(q)
     sim.step(FRAME)
     assert sim.contact.cloths.load.length.numpy().max() < 0.75 * load.max()
+    assert not sim.contact.obstacles.holds.numpy().any()
+
+
+def test_load_is_at_most_four_radii():
+    sim = resting([(stack(1), [FLOOR])])
+    sim.contact.cloths.load.length.fill_(1.0)
+    sim.step(FRAME)
+    assert 0.0 < sim.contact.cloths.load.length.numpy().max() <= 4.0 * 0.5 * COTTON.thickness
+
+
+def test_what_touches_an_obstacle_only_loses_its_load():
+    cone = wc.MeshObstacle.from_mesh(trimesh.creation.cone(0.05, 0.08, sections=8))
+    sheet = wc.Cloth.grid((0.15, 0.15), (8, 8), COTTON, transform=(0.003, 0.004, 0.081))
+    sim = resting([([sheet], [cone])])
+    sim.run(20)
+    load = sim.contact.cloths.load.length
+    load.fill_(COTTON.thickness)
+    sim.run(20)
+    assert load.numpy().max() < 0.01 * COTTON.thickness
 
 
 def test_a_stack_that_is_reset_repeats_itself():
@@ -73,8 +93,8 @@ def test_a_stack_that_is_reset_repeats_itself():
 
 
 def test_stacks_need_passes_of_their_own_world_only():
-    """A pile beside it changes no bit of a pair of sheets, in a model of both and when it goes on alone."""
-    low, high = (stack(2), [FLOOR]), (stack(6), [FLOOR])
+    """A pile beside it changes no bit of a lower one, in a model of both and when it goes on alone."""
+    low, high = (stack(3), [FLOOR]), (stack(6), [FLOOR])
     alone, both = resting([low], substeps=10), resting([high, low], substeps=10)
     for sim in (alone, both):
         sim.run(12)
@@ -96,3 +116,14 @@ def test_frames_done_again_begin_with_the_same_load():
         sim.run(2)
     assert short.contact.cloths.pairs.capacity > 16
     assert bits(short) == bits(roomy)
+
+
+def test_load_does_not_drive_a_sheet_apart():
+    """Vertices of fine cloth are nearer each other than it is thick; what they carry must not part them."""
+    thick = wc.Fabric(thickness=0.01)
+    model = wc.Model.build(wc.Cloth.grid((0.05, 0.05), (11, 11), thick))
+    sim = wc.Simulation(model, "xpbd", gravity=(0, 0, 0), substeps=10, contact="all")
+    start = sim.state.particle_q.numpy().copy()
+    sim.contact.cloths.load.length.fill_(0.02)
+    sim.step(FRAME)
+    np.testing.assert_allclose(sim.state.particle_q.numpy(), start, atol=1e-6)

@@ -175,6 +175,10 @@ def test_a_hand_does_not_make_cloth_ring(name):
     hand.release()
     sim.step(DT)
     assert not sim.integrator._jumped.numpy().any()
+    free.state.particle_q.assign(free.state.particle_q.numpy() + 0.001)
+    for jumps in (True, False):
+        free.step(DT)
+        assert bool(free.integrator._jumped.numpy().all()) == bool(free.integrator._jumped.numpy().any()) == jumps
 
 
 ROUGH = {"stretch_stiffness": 1e5, "shear_stiffness": 2e4}

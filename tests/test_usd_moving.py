@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from pxr import Gf, Ts, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Ts, Usd, UsdGeom, UsdPhysics
 from shot_files import add_cloth, new_stage, pin_points
 from warpcloth.scenes.shots.shot import read_shot
 from warpcloth.scenes.usd import read_obstacles
-from warpcloth.scenes.usd.moving import path_codes, transform_codes
+from warpcloth.scenes.usd.moving import merged, path_codes, transform_codes
 
 from warpcloth.errors import UsdError
 from warpcloth.transforms import apply
@@ -139,6 +139,22 @@ def test_matrices_are_joined_as_rigid_bodies():
     assert path_codes(shape.GetPrim()) == transform_codes(shape.GetPrim()) == [0.0, 6.0]
     (ball,) = read_obstacles(stage)
     assert ball.moves
+
+
+def test_a_matrix_may_be_blocked_at_times():
+    stage = new_scene()
+    shape = arm(stage)
+    turn = UsdGeom.Xformable(shape.GetPrim().GetParent()).AddTransformOp()
+    for code in (0.0, 12.0):
+        turn.Set(Gf.Matrix4d().SetTranslate((code, 0.0, 0.0)), code)
+    turn.GetAttr().Set(Sdf.ValueBlock(), 6.0)
+    assert path_codes(shape.GetPrim()) == [0.0, 6.0, 12.0]
+    (box,) = read_obstacles(stage)
+    np.testing.assert_allclose(apply(box.matrix(0.25), box.center), (0.5, 0.0, 0.1), atol=1e-9)
+
+
+def test_codes_that_rounding_parts_are_one():
+    assert merged(new_scene(), [0.0, 1.0, 2.0], [1.0 + 1e-9, 1.5]) == [0.0, 1.0, 1.5, 2.0]
 
 
 def test_still_and_straight_motions_need_no_more_than_their_samples():

@@ -1,6 +1,7 @@
 """Frames recorded once and replayed: as a graph, or on the CPU as a program (``program.py``)."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import warp as wp
@@ -50,22 +51,21 @@ class Frames:
             self._ran.add(key)
             return
         if key not in self.recorded:
-            with alone() as nobody_else:
-                if not (self._program or nobody_else):  # there will be a quieter moment
-                    frame()
-                    return
-                self.recorded = {key: self._record(frame)}
-        self.recorded[key]()
+            self._record(key, frame)
+        self.recorded.get(key, frame)()
 
     def forget(self) -> None:
         """Recorded frames hold arrays that have been replaced, or lack what is new."""
         self.recorded.clear()
         self._ran.clear()
 
-    def _record(self, frame: Callable[[], None]) -> Callable[[], None]:
+    def _record(self, key: Any, frame: Callable[[], None]) -> None:
+        """Keeps what replays a frame; no graph while other threads launch: there will be a quieter moment."""
         if self._program:
-            return record_program(frame, self.model.kernels, self.threads).run
-        with wp.ScopedCapture(device=self.model.device) as capture:
-            frame()
-        graph = capture.graph
-        return lambda: wp.capture_launch(graph)
+            self.recorded = {key: record_program(frame, self.model.kernels, self.threads).run}
+            return
+        with alone() as nobody_else:
+            if nobody_else:
+                with wp.ScopedCapture(device=self.model.device) as capture:
+                    frame()
+                self.recorded = {key: partial(wp.capture_launch, capture.graph)}

@@ -23,7 +23,7 @@ from .launching import copy, launch, launches, records
 from .lookout import Lookout
 from .model import Model
 from .recording import missed_pairs, recordable_substeps
-from .state import State
+from .state import Memory, State
 from .stopwatch import Stopwatch
 from .untangle import untangle
 from .worlds import WorldReset, take_worlds, world_mask
@@ -114,8 +114,8 @@ class Simulation:
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other = self.state.twin()
-        self._remembering = self.integrator, self.forces, self.contact
-        self._memory = [item for part in (*self._remembering, *self.hooks) for item in part.memory()]
+        hooked = [hook.memory() for hook in self.hooks]
+        self._memory = [item for own in (*self._memories(), *hooked) for item in own]
         self._backup = Backup(self.state, self._memory, self.integrator, self.contact, self._frames)
         self._auto = isinstance(substeps, str)
         self._auto_step = 0.0
@@ -188,6 +188,7 @@ class Simulation:
         if self.check and not self.model.device.is_capturing:
             self.lookout.rest_since[mask.numpy()] = np.inf
 
+    @launches
     def verify(self) -> None:
         """Call it now and then while you replay frames from a graph of your own; it brings ``time`` up to date, by the
         clock of the world that has gone on longest since its reset.
@@ -224,6 +225,7 @@ class Simulation:
             if on_frame is not None:
                 on_frame(self, number)
 
+    @launches
     def grab(self, what: Any, stiffness: float | None = None) -> Grab:
         """Takes hold of a point of the cloth with a damped spring; ``.move(target)`` leads it, ``.release()`` lets go.
 
@@ -240,6 +242,7 @@ class Simulation:
         hold, place = make_hold(self.model, self.state.particle_q.numpy(), what, stiffness)
         return self.grab_hold(hold, place)
 
+    @launches
     def grab_hold(self, hold: Hold, target: Any) -> Grab:
         """Like :meth:`grab`, of a point given by particles and weights, led to ``target`` [m] from the start."""
         if self._grabs is None:
@@ -274,6 +277,7 @@ class Simulation:
         """
         return self.lookout.settled(self.time)
 
+    @launches
     def continue_from(self, other: "Simulation", worlds: Sequence[int]) -> None:
         """Goes on where ``other`` is, with some of its worlds: each does from here on what it would have done there.
 
@@ -282,11 +286,14 @@ class Simulation:
             worlds: of which worlds of ``other`` this model has the cloths and obstacles, in rising order.
         """
         keep = list(worlds)
-        for mine, theirs in zip(self._remembering, other._remembering, strict=True):
+        for mine, theirs in zip(self._memories(), other._memories(), strict=True):
             # What a scheme or a force keeps may be in fewer arrays here: the last ones were of other worlds.
-            take_worlds(self.state, mine.memory(), other.model, other.state, theirs.memory(), keep)
+            take_worlds(self.state, mine, other.model, other.state, theirs, keep)
         self.time, self.substeps, self._auto_step = other.time, other.substeps, other._auto_step
         self.lookout.rest_since = other.lookout.rest_since[keep]
+
+    def _memories(self) -> tuple[Sequence[Memory], ...]:
+        return self.integrator.memory(), self.forces.memory(), self.contact.memory()
 
     def _frame(self, dt: float, substeps: int) -> None:
         now, later = self.state, self._other

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """An array that an integrator or a force keeps from one step to the next, besides the state.
+    """An array that an integrator, a force, contact or a hook keeps from one step to the next, besides the state.
 
     Attributes:
         array: the array, on the device.

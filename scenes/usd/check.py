@@ -130,5 +130,6 @@ def simulated_prims(stage: Usd.Stage) -> list[Usd.Prim]:
     prims = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
     shapes = [prim for prim in prims if prim.IsA(UsdGeom.PointBased)]
     sampled = [prim for prim in shapes if UsdGeom.PointBased(prim).GetPointsAttr().GetNumTimeSamples() > 0]
-    marked = [prim for prim in shapes if role_of(prim) in ROLES] if sampled else []
-    return marked or [prim for prim in sampled if prim.IsA(UsdGeom.Mesh) and not is_collider(prim)]
+    if any(role_of(prim) in ROLES for prim in sampled):
+        return [prim for prim in shapes if role_of(prim) in ROLES]
+    return [prim for prim in sampled if prim.IsA(UsdGeom.Mesh) and not is_collider(prim)]

@@ -107,5 +107,8 @@ def _angle(op: UsdGeom.XformOp, before: float, after: float) -> float:
 
 def _is_bent(op: UsdGeom.XformOp, before: float, after: float) -> bool:
     """Whether a matrix turns between two samples: a stage mixes the two, which squeezes what is between them."""
-    start, end = (np.array(op.Get(code), float)[:3, :3] for code in (before, after))
+    values = op.Get(before), op.Get(after)
+    if any(value is None for value in values):
+        return False
+    start, end = (np.array(value, float)[:3, :3] for value in values)
     return bool(np.abs(end - start).max() > LINEAR * np.abs(start).max())

@@ -119,7 +119,8 @@ class Grabs:
                 world = self._world[hold.particles[0]]
                 begun[slot], held[world] = clocks[world], 1
         if self.explicit:
-            most = SAFE_SHARE / np.maximum(self._mobility(particles, weights), 1e-200)
+            mobility = self._mobility(particles, weights)  # 0 of free slots, and of points that are pinned
+            most = np.divide(SAFE_SHARE, mobility, out=np.full(SLOTS, np.inf), where=mobility > 0.0)
             stiffness, damping = np.minimum(stiffness, most / self._step**2), np.minimum(damping, most / self._step)
         self._grabs.particles.assign(particles)
         self._grabs.weights.assign(weights)

@@ -33,4 +33,4 @@ class SpringProperties:
     def _read(self) -> None:
         model = self._model
         inputs = [self._order, *(getattr(model, name) for name in self._names)]
-        launch(model.kernels.springs.take_law, len(self._order), inputs, [self.values], model.device)
+        launch(model.kernels.springs.take_properties, len(self._order), inputs, [self.values], model.device)

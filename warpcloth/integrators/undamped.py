@@ -29,7 +29,6 @@ from ..state import Memory, State
 from .implicit import ImplicitEuler, ImplicitScheme, Stage
 from .oscillator import GROWTH_RATE
 
-
 MEMORY = 1.0  # [s] after which gains, and the energy that they are measured by, count for 1/e
 MOST_GAINED = GROWTH_RATE * MEMORY  # share of the energy; what explicit schemes put up with, too
 
