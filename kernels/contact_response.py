@@ -8,7 +8,7 @@ from .closest import combine, pair_weights
 from .contact_load import PADDING, FurtherPasses, Load, add_lack, earn_pass, load_between, takes_part
 from .contact_pairs import Contacts, Pairs, narrow, put_contact, weights_of, wide
 from .fixed_sums import KICK_UNIT, MOVE_UNIT, SHARE_UNIT, add_fixed, add_share, from_fixed
-from .precision import FORWARD_ONLY, real, vec3
+from .precision import FORWARD_ONLY, real, vec3, vec4
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
@@ -177,9 +177,9 @@ def stand(
     thread_offset: int,
     dt: real,
     # State in
-    support: wp.array(dtype=vec3),
+    support: wp.array(dtype=vec4),
+    load: Load,
     particle_start: wp.array(dtype=vec3),
-    particle_speed: wp.array(dtype=vec3),
     particle_end: wp.array(dtype=vec3),
     # Out
     particle_q_out: wp.array(dtype=vec3),
@@ -187,17 +187,19 @@ def stand(
 ):
     """The ends of particles as pairs are to see them: what an obstacle held up in the last step it holds in this one.
 
-    Its normal there is ``support``, unit or zero, and particles that stand on it go on with their normal velocity of
-    the step's start. Obstacles answer after contact among cloths; unless that knows of them, the whole of a pile sinks
-    in each pass and only its lowest layer is put back, which two passes or eight then press together alike.
+    ``support`` has its normal there, unit or zero, and its velocity along that [m/s]. Obstacles answer after contact
+    among cloths; unless that knows of them, the whole of a pile sinks in each pass and only its lowest layer is put
+    back, which two passes or eight then press together alike. Only of particles that carry cloth: others are pushed
+    off the edges of obstacles by pairs, too, and had these left all to the obstacle, friction would hold on to what a
+    tumbling box drags along.
     """
     i = thread_offset + wp.tid()
     x = particle_end[i]
-    n = support[i]
-    if wp.dot(n, n) > real(0.0):
+    n = vec3(support[i][0], support[i][1], support[i][2])
+    if load.length[i] > real(0.0) and wp.dot(n, n) > real(0.0):
         start = particle_start[i]
         free = particle_free_out[i]
-        least = dt * wp.dot(particle_speed[i], n)
+        least = dt * support[i][3]
         x += wp.max(least - wp.dot(x - start, n), real(0.0)) * n
         particle_free_out[i] = free + wp.max(least - wp.dot(free - start, n), real(0.0)) * n
     particle_q_out[i] = x

@@ -19,7 +19,7 @@ import warp as wp
 
 from .direct import int_at, put, real_at, vector_at
 from .obstacle_hit import Hit, analytic_hit, find_hit, mean_friction
-from .precision import OPTIONS, real, vec3
+from .precision import OPTIONS, real, vec3, vec4
 from .shapes import Placement, Shapes, to_local, to_world
 
 wp.set_module_options(OPTIONS, module=sys.modules[__name__])
@@ -89,12 +89,12 @@ def resolve(
 
 @wp.struct
 class Pass:
-    """What one look at one obstacle made of a particle's motion, whether another look may change it again, and the
-    obstacle's normal if it held the particle up, else zero."""
+    """What one look at one obstacle made of a particle's motion, whether another look may change it again, and, if the
+    obstacle held the particle up, its normal and its velocity along that [m/s], else zero."""
 
     motion: Motion
     again: wp.int32
-    support: vec3
+    support: vec4
 
 
 @wp.func
@@ -112,17 +112,17 @@ def answer(
             x0, v0, now, n, carried, dt, hit.gap, hit.start_gap, slop, friction, restitution, given
         )  # fmt: skip
         if wp.dot(result.motion.v - now.v + given, n) > real(0.0):
-            result.support = n
+            result.support = vec4(n[0], n[1], n[2], wp.dot(carried, n) / dt)
         if hit.gap <= -slop:
             result.again = 1
     return result
 
 
 @wp.func
-def hold(support_out: wp.array(dtype=vec3), i: int, normal: vec3):
+def hold(support_out: wp.array(dtype=vec4), i: int, support: vec4):
     """Notes what held a particle up, where anybody wants to know."""
     if support_out.shape[0] > 0:
-        support_out[i] = normal
+        support_out[i] = support
 
 
 @wp.kernel(enable_backward=False)
@@ -145,7 +145,7 @@ def respond(
     clear_of: wp.array(dtype=vec3),
     clearance: wp.array(dtype=real),
     # Out
-    support_out: wp.array(dtype=vec3),
+    support_out: wp.array(dtype=vec4),
     particle_q_out: wp.array(dtype=vec3),
     particle_qd_out: wp.array(dtype=vec3),
 ):
@@ -153,7 +153,7 @@ def respond(
 
     ``impulse`` [m/s] of obstacle ``impulse_shape``, unless that is −1, is already in the velocities. Particles that
     have been within ``clearance`` of ``clear_of`` all the while have met nothing; see ``obstacle_clearance.py``.
-    ``support``, unless it is empty, gets the normal of an obstacle that held the particle up, or zero.
+    ``support``, unless it is empty, gets normal and speed of an obstacle that held the particle up, or zero.
     """
     i = thread_offset + wp.tid()
     free = real_at(clearance, i)
@@ -163,9 +163,9 @@ def respond(
     now.x = vector_at(particle_q_out, i)
     clear = wp.length(x - here) < free and wp.length(now.x - here) < free
     if real_at(particle_inv_mass, i) == real(0.0) or (clear and int_at(impulse_shape, i) < 0):
-        hold(support_out, i, vec3())
+        hold(support_out, i, vec4())
         return
-    support = vec3()
+    support = vec4()
     w = particle_world[i]
     v = vector_at(particle_qd, i)
     now.v = vector_at(particle_qd_out, i)

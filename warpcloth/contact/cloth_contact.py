@@ -38,8 +38,8 @@ class ClothContact:
 
     Args:
         model: the model.
-        support: per particle the normal of an obstacle that held it up in the step before, or zero; the response of
-            particles to obstacles keeps it.
+        support: per particle normal and speed of an obstacle that held it up in the step before, or zero; the response
+            of particles to obstacles keeps it.
 
     Attributes:
         pairs: those that are near, for the response; at the end of an interval those that may meet, for the guard.
@@ -223,7 +223,7 @@ class ClothContact:
         count = self.model.particle_count
         self._launch(
             kernels.stand, count,
-            [dt, self._support, state_in.particle_q, state_in.particle_qd, state_out.particle_q],
+            [dt, self._support, self.load, state_in.particle_q, state_out.particle_q],
             [self.now, self.free],
         )  # fmt: skip
         self._launch(

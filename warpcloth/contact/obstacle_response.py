@@ -17,7 +17,8 @@ class ObstacleResponse:
         remembers: whether ``holds`` is kept.
 
     Attributes:
-        holds: per particle the unit normal of an obstacle that held it up in the last step, or zero; may be empty.
+        holds: per particle the unit normal of an obstacle that held it up in the last step, and the obstacle's velocity
+            along it [m/s], or zero; may be empty.
     """
 
     def __init__(self, model: Model, support: ObstacleSupport | None = None, remembers: bool = False):
@@ -25,7 +26,8 @@ class ObstacleResponse:
         none = wp.full(model.particle_count, -1, dtype=wp.int32, device=model.device)
         self._shape = none if support is None else support.shape
         self._impulse = wp.zeros_like(model.particle_q) if support is None else support.impulse
-        self.holds = wp.zeros(model.particle_count if remembers else 0, dtype=model.vec3, device=model.device)
+        vec4 = model.kernels.precision.vec4
+        self.holds = wp.zeros(model.particle_count if remembers else 0, dtype=vec4, device=model.device)
         self._clear_of = wp.zeros_like(model.particle_q)
         self._clearance = wp.zeros(model.particle_count, dtype=model.real, device=model.device)
 
