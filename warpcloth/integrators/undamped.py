@@ -111,7 +111,8 @@ class UndampedScheme(ImplicitScheme):
             found = state_in.particle_f, middle.particle_f, state_out.particle_f
         else:
             forces.evaluate(state_in)
-            forces.evaluate(State(*ends[2:], middle.particle_f, state_in.world_time), dt)
+            end_q, end_qd = ends[2:]
+            forces.evaluate(State(end_q, end_qd, middle.particle_f, state_in.world_time), dt)
             found = state_in.particle_f, state_out.particle_f, middle.particle_f
         forces.latest = state_out.particle_f
         masses = [cg.lanes, model.particle_mass, model.particle_inv_mass]
