@@ -17,6 +17,7 @@ import sys
 import warp as wp
 
 from .closest import combine
+from .contact_pairs import wide
 from .counting import add_whole
 from .fixed_sums import MOVE_UNIT, SHARE_UNIT
 from .precision import FORWARD_ONLY, real, vec3
@@ -27,7 +28,7 @@ wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 SETTLING = wp.constant(wp.float64(0.05))
 MOST = wp.constant(wp.float64(4.0))  # of a particle's radius
 PADDING = wp.constant(wp.float64(0.25))  # of the contact distance, at most
-# Of the contact distance: each time so much load earns a world one more pass, up to MOST / PER_PASS. With the two of
+# Of both radii: each time so much load earns a world one more pass, up to MOST / PER_PASS. With the two of
 # all others alone gaps in a stack of five came to 0.4 with schemes of few steps.
 PER_PASS = wp.constant(wp.float64(0.125))
 # Of the contact distance: pairs farther apart than that when they were last looked at are no part of a further pass.
@@ -77,10 +78,14 @@ def takes_part(further: FurtherPasses, world: int, depth: real, distance: real):
 
 
 @wp.func
-def earn_pass(further_out: FurtherPasses, world: int, carried: wp.float64, distance: wp.float64):
-    """Asks for another pass for the world of a pair, if its load [m] earns it."""
-    if int(carried / (PER_PASS * distance)) > further_out.number[0]:
-        further_out.world_next[world] = 1
+def earn_pass(further_out: FurtherPasses, load: Load, i: wp.vec4i, carried: wp.float64):
+    """Asks for another pass for the world of a pair, if its load [m] earns it.
+
+    Radii bound loads, so by them there is an end of passes; contact distances of neighbours in fine cloth may be nil.
+    """
+    thickness = wp.float64(load.radius[i[0]]) + wp.float64(load.radius[i[3]])
+    if carried > PER_PASS * thickness * wp.float64(further_out.number[0] + 1):
+        further_out.world_next[load.world[i[0]]] = 1
         further_out.another[0] = 1
 
 
@@ -102,11 +107,6 @@ def load_between(load: Load, i: wp.vec4i, w: wp.vec4d):
 
 
 @wp.func
-def row(x: wp.array(dtype=vec3), i: int):
-    return wp.vec3d(wp.float64(x[i][0]), wp.float64(x[i][1]), wp.float64(x[i][2]))
-
-
-@wp.func
 def add_lack(
     lack_out: wp.array(dtype=wp.int64), load: Load, start: wp.array(dtype=vec3), i: wp.vec4i, w: wp.vec4d,
     n: wp.vec3d, distance: wp.float64,
@@ -114,7 +114,7 @@ def add_lack(
     """Adds what a pair of cloth lacks of its distance at ``start`` [m] to its particles' sums, if any."""
     if lack_out.shape[0] == 0 or not between_cloths(load, i):
         return
-    lack = distance - wp.dot(combine(w, row(start, i[0]), row(start, i[1]), row(start, i[2]), row(start, i[3])), n)
+    lack = distance - wp.dot(combine(w, wide(start[i[0]]), wide(start[i[1]]), wide(start[i[2]]), wide(start[i[3]])), n)
     for m in range(4):
         add_whole(lack_out, i[m], wp.int64(wp.round(MOVE_UNIT * wp.abs(w[m]) * lack)))
 

@@ -66,8 +66,7 @@ def find_contacts(
     """
     for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
-        world = load.world[i[0]]
-        if not takes_part(further_out, world, contacts_out.depth[k], pairs.distance[k]):
+        if not takes_part(further_out, load.world[i[0]], contacts_out.depth[k], pairs.distance[k]):
             contacts_out.depth[k] = wp.min(contacts_out.depth[k], real(0.0))
             continue
         x0 = wide(particle_q[i[0]])
@@ -91,7 +90,7 @@ def find_contacts(
         depth = distance + wp.min(carried, PADDING * distance) - wp.dot(d, n)
         contacts_out.depth[k] = real(depth)
         if depth > zero:
-            earn_pass(further_out, world, carried, distance)
+            earn_pass(further_out, load, i, carried)
             put_contact(contacts_out, k, w, n)
             add_share(share_out, i, w)
 

@@ -127,3 +127,14 @@ def test_load_does_not_drive_a_sheet_apart():
     sim.contact.cloths.load.length.fill_(0.02)
     sim.step(FRAME)
     np.testing.assert_allclose(sim.state.particle_q.numpy(), start, atol=1e-6)
+
+
+def test_load_earns_no_more_passes_where_neighbours_are_near():
+    """Contact distances within fine cloth are a part of its cells, however thick it is, and say nothing of its load."""
+    model = wc.Model.build(wc.Cloth.grid((0.05, 0.05), (11, 11), wc.Fabric(thickness=0.02)))
+    sim = wc.Simulation(model, gravity=(0, 0, 0), substeps=1, contact="all")
+    squeezed = sim.state.particle_q.numpy() * np.array([0.3, 0.3, 1.0], np.float32)
+    sim.state.particle_q.assign(squeezed)
+    sim.contact.cloths.load.length.fill_(1.0)
+    sim.step(1e-6)
+    assert 0 < sim.contact.cloths.further.number.numpy()[0] <= 32
