@@ -20,11 +20,13 @@ class Lanes(NamedTuple):
 
     Attributes:
         block: particles of each block, first and last (not included): of what it reaches, and maybe more; int.
+        phase: of each block, in which it is worked on: those of one phase at the same time; int, shape [b].
         entry: block, first particle, and how much further the springs lead, int, shape [e, 3].
         lane_spring: which spring is in a lane, −1: none; int, shape [e, lanes].
     """
 
     block: np.ndarray
+    phase: np.ndarray
     entry: np.ndarray
     lane_spring: np.ndarray
 
@@ -40,31 +42,36 @@ def springs_by_world(model: Model) -> list[tuple[np.ndarray, int, int]]:
     return [(own, first, last) for own, (first, last) in zip(springs, particles, strict=True)]
 
 
-def in_lanes(model: Model, arrange: Callable[[np.ndarray, int, int, int], Lanes | None]) -> tuple[Lanes, np.ndarray]:
+def in_lanes(model: Model, arrange: Callable[[np.ndarray, int, int], Lanes | None]) -> tuple[Lanes, np.ndarray]:
     """Springs of the worlds where it pays.
 
     Args:
         model: the model.
-        arrange: what makes lanes of one world's springs (their particles, as the model lists them; the first and last
-            particle of the world; how many lanes); None: not these.
+        arrange: what makes lanes of one world's springs (their particles, as the model lists them, but counted from the
+            world's first; how many it has; how many lanes); None: not these.
 
     Returns:
         The lanes of all those worlds, and which springs of the model are not in them, bool.
     """
     count, ends = model.kernels.lanes.LANES, model.spring_indices.numpy().reshape(-1, 2)
     left, parts, blocks = np.ones(len(ends), bool), [], 0
+    known: dict[tuple[int, bytes], Lanes | None] = {}  # worlds are mostly alike
     for springs, first, last in springs_by_world(model):
         if len(springs) == 0 or int(np.ptp(ends[springs], axis=1).max()) > FURTHEST:
             continue
-        part = arrange(ends[springs], first, last, count)
+        own = ends[springs] - first
+        key = last - first, own.tobytes()
+        if key not in known:
+            known[key] = arrange(own, last - first, count)
+        part = known[key]
         if part is None or len(springs) < LEAST_FILL * part.lane_spring.size:
             continue
         left[springs] = False
         lane_spring = np.where(part.lane_spring < 0, -1, springs[part.lane_spring])
-        parts.append(Lanes(part.block, part.entry + np.array([blocks, 0, 0]), lane_spring))
+        parts.append(Lanes(part.block + first, part.phase, part.entry + np.array([blocks, first, 0]), lane_spring))
         blocks += len(part.block)
     if not parts:
-        return Lanes(np.zeros((0, 4), int), np.zeros((0, 3), int), np.zeros((0, count), int)), left
+        return Lanes(*(np.zeros(shape, int) for shape in ((0, 4), 0, (0, 3), (0, count)))), left
     return Lanes(*map(np.concatenate, zip(*parts, strict=True))), left
 
 

@@ -13,7 +13,7 @@ from .lanes import LaneLaws, Lanes, copies
 BLOCK_TO_REACH = 4  # particles, so that no more than a quarter of the springs is evaluated twice
 
 
-def arranged(listed: np.ndarray, first: int, last: int, lanes: int) -> Lanes:
+def arranged(listed: np.ndarray, count: int, lanes: int) -> Lanes:
     """Springs of one world, tile by tile, the furthest first, those that lead into a block from before among its own.
 
     Blocks are told by the first and last particle of what they read, and of what is their own, shape [b, 4]. Arguments
@@ -23,21 +23,21 @@ def arranged(listed: np.ndarray, first: int, last: int, lanes: int) -> Lanes:
     near, far = ends.T
     reach = int((far - near).max())
     size = max(lanes_module.SMALLEST_BLOCK, -(-BLOCK_TO_REACH * reach // lanes) * lanes)  # whole tiles
-    begins = np.arange(first, last, size)
-    stops = np.minimum(begins + size, last)
+    begins = np.arange(0, count, size)
+    stops = np.minimum(begins + size, count)
     before = -(-reach // lanes) * lanes
-    block = np.stack([np.maximum(begins - before, first), np.minimum(stops + reach, last), begins, stops], axis=1)
-    own = (near - first) // size
-    again = np.flatnonzero((far - first) // size != own)
+    block = np.stack([np.maximum(begins - before, 0), np.minimum(stops + reach, count), begins, stops], axis=1)
+    own = near // size
+    again = np.flatnonzero(far // size != own)
     spring = np.concatenate([np.arange(len(ends)), again])
-    of_block = np.concatenate([own, (far[again] - first) // size])
+    of_block = np.concatenate([own, far[again] // size])
     particle = near[spring]
-    lane = (particle - first) % lanes
+    lane = particle % lanes
     key = np.stack([of_block, particle - lane, (near - far)[spring], copies(ends)[spring]], axis=1)
     entry, of_key = np.unique(key, axis=0, return_inverse=True)
     lane_spring = np.full((len(entry), lanes), -1)
     lane_spring[of_key.reshape(-1), lane] = spring
-    return Lanes(block, entry[:, :3] * (1, 1, -1), lane_spring)
+    return Lanes(block, np.zeros(len(block), int), entry[:, :3] * (1, 1, -1), lane_spring)
 
 
 class SpringTiles:
@@ -52,7 +52,7 @@ class SpringTiles:
 
     def __init__(self, model: Model, lanes: Lanes, ranges: int):
         self.model, self._kernels = model, model.kernels.spring_tiles
-        block, entry, lane_spring = lanes
+        block, entry, lane_spring = lanes.block, lanes.entry, lanes.lane_spring
         tile, first_entry = np.unique(entry[:, :2], axis=0, return_index=True)
         bounds = np.searchsorted(tile[:, 0], np.arange(len(block) + 1))
         self._tiles = self._kernels.Tiles()

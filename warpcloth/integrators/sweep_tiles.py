@@ -31,12 +31,11 @@ def goes_on(ends: np.ndarray) -> bool:
     return not any((has(second, first[:, k]) & has(third, first[:, k])).any() for k in (0, 1))
 
 
-def arranged(listed: np.ndarray, first: int, last: int, lanes: int) -> Lanes | None:
+def arranged(listed: np.ndarray, count: int, lanes: int) -> Lanes | None:
     """Springs of one world in lanes, such that no two of an entry share a particle; None if the list does not go on.
 
     Entries come in the order of the list, by the first spring that they have. Blocks are told by the first and last
-    particle of what they reach, and by the phase in which they are solved, shape [b, 3]. Arguments as for
-    :func:`~warpcloth.forces.lanes.in_lanes`.
+    particle of what they reach, shape [b, 2]. Arguments as for :func:`~warpcloth.forces.lanes.in_lanes`.
     """
     if not goes_on(listed):
         return None
@@ -44,11 +43,11 @@ def arranged(listed: np.ndarray, first: int, last: int, lanes: int) -> Lanes | N
     near, far = ends.T
     reach = int((far - near).max())
     size = max(lanes_module.SMALLEST_BLOCK, -(-BLOCK_TO_REACH * reach // lanes) * lanes)
-    begins = np.arange(first, last, size)
-    block = np.stack([begins, np.minimum(begins + size + reach, last), np.arange(len(begins)) % PHASES], axis=1)
-    lane = (near - first) % lanes
+    begins = np.arange(0, count, size)
+    block = np.stack([begins, np.minimum(begins + size + reach, count)], axis=1)
+    lane = near % lanes
     apart = lane // np.maximum(far - near, 1) % 2  # springs that end where those of other lanes begin
-    key = np.stack([(near - first) // size, near - lane, far - near, apart, copies(ends)], axis=1)
+    key = np.stack([near // size, near - lane, far - near, apart, copies(ends)], axis=1)
     entry, of_spring = np.unique(key, axis=0, return_inverse=True)
     of_spring = of_spring.reshape(-1)
     lane_spring = np.full((len(entry), lanes), -1)
@@ -58,7 +57,7 @@ def arranged(listed: np.ndarray, first: int, last: int, lanes: int) -> Lanes | N
     order = np.lexsort((earliest, entry[:, 0]))
     entry, lane_spring = entry[order, :3], lane_spring[order]
     order = np.lexsort((levels(ends, lane_spring), entry[:, 0]))
-    return Lanes(block, entry[order], lane_spring[order])
+    return Lanes(block, np.arange(len(block)) % PHASES, entry[order], lane_spring[order])
 
 
 def levels(ends: np.ndarray, lane_spring: np.ndarray) -> np.ndarray:
@@ -101,7 +100,7 @@ class TileSweep:
 
     def __init__(self, model: Model, lanes: Lanes):
         self._model, self._kernels = model, model.kernels.xpbd_tiles
-        phase = lanes.block[lanes.entry[:, 0], 2]
+        phase = lanes.phase[lanes.entry[:, 0]]
         order = np.argsort(phase, kind="stable")
         entry, lane_spring = lanes.entry[order], lanes.lane_spring[order]
         self._laws = LaneLaws(model, lane_spring)
@@ -123,7 +122,7 @@ class TileSweep:
     def _phase(self, block: np.ndarray, entry: np.ndarray, law: list[wp.array], force: wp.array) -> Phase:
         model = self._model
         own, begins = np.unique(entry[:, 0], return_index=True)
-        rows = np.column_stack([begins, np.append(begins[1:], len(entry)), block[own, :2]])
+        rows = np.column_stack([begins, np.append(begins[1:], len(entry)), block[own]])
         starts = shares(len(own), cores())
         steps = np.column_stack([entry[:, 1], entry[:, 2]])
         return Phase(
