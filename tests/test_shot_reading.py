@@ -212,6 +212,8 @@ def test_prims_that_are_cloth_or_collider_only_because_somebody_says_so(tmp_path
     assert [str(part.mesh.GetPath()) for part in chosen.parts] == ["/World/B/Shirt"]
     assert [obstacle.name for obstacle in chosen.obstacles] == ["Ball"]
     assert chosen.cloths[0].fabric == Fabric()
+    twice = read_shot(path, ["/World/B"], ["/World/Ball", "/World/Ball", "/World"])
+    assert [obstacle.name for obstacle in twice.obstacles] == ["Ball"]
     denim = read_shot(path, fabric=fabrics()["denim"].fabric)
     assert [cloth.fabric.name for cloth in denim.cloths] == ["denim", "denim"]
     fitted = load_scene(path, ["stage.springs=fitted"], cloth=["/World/A"])

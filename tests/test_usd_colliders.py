@@ -108,6 +108,34 @@ def test_a_mesh_may_have_its_points_sampled_once(codes, moves):
     np.testing.assert_allclose(solid.points_at(1.0)[:, 2], float(moves), atol=1e-12)
 
 
+def test_faces_that_are_sampled_may_not_change():
+    """Many writers sample faces at every frame."""
+    stage, prim = collider(UsdGeom.Mesh)
+    mesh = UsdGeom.Mesh(prim)
+    mesh.CreatePointsAttr(SQUARE)
+    for code in (0.0, 1.0, 2.0):
+        mesh.GetFaceVertexCountsAttr().Set([4], code)
+        mesh.GetFaceVertexIndicesAttr().Set([0, 1, 2, 3], code)
+    (solid,) = read_obstacles(stage)
+    assert len(solid.triangles) == 2
+    assert not solid.moves
+    mesh.GetFaceVertexIndicesAttr().Set([0, 1, 3, 2], 2.0)
+    with pytest.raises(UsdError, match=r"^Collider /Solid has a faceVertexIndices that changes over time; an obstacle"):
+        read_obstacles(stage)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("mirrored", [(), (0,), (1,), (2,), (0, 1, 2)])
+def test_a_plane_that_is_mirrored_is_solid_on_the_side_that_it_has_in_the_stage(axis, mirrored):
+    stage, prim = collider(UsdGeom.Plane)
+    UsdGeom.Plane(prim).CreateAxisAttr("XYZ"[axis])
+    scale = np.ones(3)
+    scale[list(mirrored)] = -1.0
+    UsdGeom.XformCommonAPI(prim).SetScale(Gf.Vec3f(*scale.tolist()))
+    (plane,) = read_obstacles(stage)
+    np.testing.assert_allclose(plane.normal, np.eye(3)[axis] * scale, atol=1e-12)
+
+
 def test_holes_of_a_mesh_are_none_of_its_faces():
     stage, prim = collider(UsdGeom.Mesh)
     mesh = UsdGeom.Mesh(prim)

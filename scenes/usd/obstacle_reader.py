@@ -10,7 +10,7 @@ from ...errors import UsdError
 from ...meshes.check import areas_only
 from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
 from ...transforms import apply
-from .faces import mesh_triangles
+from .faces import changing_faces, mesh_triangles
 from .moving import merged, path_codes
 from .opening import world_matrix
 from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
@@ -95,6 +95,10 @@ def _material(prim: Usd.Prim) -> dict[str, float]:
 
 def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObstacle:
     prim, points = mesh.GetPrim(), PointSamples.of(mesh)
+    changing = changing_faces(mesh)
+    if changing:
+        rule = "an obstacle keeps its faces from beginning to end"
+        raise UsdError(f"Collider {prim.GetPath()} has a {changing} that changes over time; {rule}.")
     codes, seconds = _samples(prim, path_codes(prim) + points.codes, origin)
     rest = points.at(_rest_code(prim, codes))
     if not points.codes:
@@ -212,7 +216,7 @@ def _cube(shape: UsdGeom.Cube, frame: Frame, common: dict[str, Any]) -> Box:
 
 
 def _plane(shape: UsdGeom.Plane, frame: Frame, common: dict[str, Any]) -> Plane:
-    return Plane(frame.origin, frame.rotation[:, _axis(shape)], **common)
+    return Plane(frame.origin, frame.axes[:, _axis(shape)], **common)
 
 
 def _uniform(shape: UsdGeom.Gprim, frame: Frame) -> float:
