@@ -41,7 +41,8 @@ class MeshAnimation:
     def of(mesh: UsdGeom.Mesh, start: float) -> "MeshAnimation":
         """That of a mesh."""
         source = PointSamples.of(mesh)
-        codes = merged(mesh.GetPrim().GetStage(), path_codes(mesh.GetPrim()), source.codes)
+        path = path_codes(mesh.GetPrim(), deforms=bool(source.codes))
+        codes = merged(mesh.GetPrim().GetStage(), path, source.codes)
         return MeshAnimation(mesh, start, codes, source)
 
     def points(self, code: float) -> np.ndarray:

@@ -99,7 +99,7 @@ def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObst
     if changing:
         rule = "an obstacle keeps its faces from beginning to end"
         raise UsdError(f"Collider {prim.GetPath()} has a {changing} that changes over time; {rule}.")
-    codes, seconds = _samples(prim, path_codes(prim) + points.codes, origin)
+    codes, seconds = _samples(prim, path_codes(prim, deforms=bool(points.codes)) + points.codes, origin)
     rest = points.at(_rest_code(prim, codes))
     if not points.codes:
         return _placed(prim, codes, seconds, rest, mesh_triangles(mesh, rest), common)
