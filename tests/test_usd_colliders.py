@@ -165,6 +165,46 @@ def test_newer_kinds_with_one_radius_are_as_the_older_ones(old, new):
         read_obstacles(stage)
 
 
+@pytest.mark.parametrize("how", ["scale", "points"])
+def test_what_is_folded_up_at_first_may_open_later(how):
+    stage, prim = collider(UsdGeom.Mesh)
+    mesh = UsdGeom.Mesh(prim)
+    mesh.CreatePointsAttr(SQUARE)
+    mesh.CreateFaceVertexCountsAttr([4])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
+    if how == "scale":
+        grow = mesh.AddScaleOp()
+        grow.Set(Gf.Vec3f(0.0), 0.0)
+        grow.Set(Gf.Vec3f(-1.0, 1.0, 1.0), 24.0)
+    else:
+        mesh.GetPointsAttr().Set([SQUARE[0], SQUARE[1], SQUARE[1], SQUARE[0]], 0.0)
+        mesh.GetPointsAttr().Set(SQUARE, 24.0)
+    (solid,) = read_obstacles(stage)
+    assert len(solid.triangles) == 2
+    a, b, c = solid.points_at(1.0)[solid.triangles[0]]
+    assert np.cross(b - a, c - a)[2] > 0.0
+    assert np.ptp(solid.points_at(0.0)[:, 1]) == 0.0
+
+
+@pytest.mark.parametrize("kind", [UsdGeom.Mesh, UsdGeom.Cylinder])
+def test_a_still_collider_may_be_flattened(kind):
+    stage, prim = collider(kind)
+    if kind is UsdGeom.Mesh:
+        UsdGeom.Mesh(prim).CreatePointsAttr(SQUARE)
+        UsdGeom.Mesh(prim).CreateFaceVertexCountsAttr([4])
+        UsdGeom.Mesh(prim).CreateFaceVertexIndicesAttr([0, 1, 2, 3])
+    UsdGeom.XformCommonAPI(prim).SetScale(Gf.Vec3f(2.0, 1.0, 0.0))
+    (solid,) = read_obstacles(stage) if kind is UsdGeom.Mesh else _warned(stage)
+    assert not solid.moves
+    assert np.ptp(solid.points, axis=0)[2] == 0.0
+
+
+def _warned(stage):
+    """The obstacles of a stage in which triangles are left out."""
+    with pytest.warns(MeshWarning, match="triangles have no area"):
+        return read_obstacles(stage)
+
+
 def test_triangles_without_area_are_left_out_with_a_warning():
     stage, prim = collider(UsdGeom.Mesh)
     mesh = UsdGeom.Mesh(prim)
