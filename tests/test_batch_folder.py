@@ -1,15 +1,18 @@
 """Folders of batches that are not as they should be: one sentence each, and nothing is lost."""
 
+import contextlib
 import json
 import os
+import threading
 import time
 
 import pytest
 from batch_sweeps import SWEEP, simulated, written
+from filelock import FileLock
 
 from warpcloth.batch import load_sweep
 from warpcloth.batch.folder import SWEEP as SWEEP_FILE
-from warpcloth.batch.folder import BatchFolder
+from warpcloth.batch.folder import BatchFolder, BusyError
 from warpcloth.batch.job import fail
 from warpcloth.batch.run import status_of
 from warpcloth.cli import run as cli
@@ -59,6 +62,25 @@ def test_what_may_not_be_written_is_said(batch, capfd, monkeypatch):
         patch.setattr(os, "access", lambda *arguments: False)
         sentence = refused(capfd, sweep, "-o", str(batch.path.parent / "new" / "one"), "--dry-run")
         assert f"The folder {batch.path.parent} cannot be written to: permission denied." in sentence
+
+
+@pytest.mark.parametrize("seconds", [0.3, 30.0])
+def test_who_only_asks_whether_a_folder_is_busy_keeps_nobody_out(batch, seconds):
+    """As `status` does, with the lock in its hand for a moment."""
+    held, over = threading.Event(), threading.Event()
+
+    def hold():
+        with FileLock(batch.path / ".lock"):
+            held.set()
+            over.wait(seconds)
+
+    holder = threading.Thread(target=hold)
+    holder.start()
+    held.wait()
+    with contextlib.nullcontext() if seconds < 1.0 else pytest.raises(BusyError), batch.locked():
+        assert batch.busy
+    over.set()
+    holder.join()
 
 
 @pytest.mark.parametrize(
