@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import shutil
 import threading
 import time
 
@@ -10,7 +11,7 @@ import pytest
 from batch_sweeps import SWEEP, simulated, written
 from filelock import FileLock
 
-from warpcloth.batch import load_sweep
+from warpcloth.batch import load_sweep, run
 from warpcloth.batch.folder import SWEEP as SWEEP_FILE
 from warpcloth.batch.folder import BatchFolder, BusyError
 from warpcloth.batch.job import fail
@@ -111,6 +112,17 @@ def test_a_damaged_sample_is_said_before_any_work(batch, capfd, text, sentence):
     for arguments in (["status"], ["index"], [str(batch.path.parent / "sweep.toml"), "-o"]):
         said = refused(capfd, *arguments, str(batch.path))
         assert f"Sample 1 is damaged: its metrics.json {sentence}; remove the folder {batch.place(1)}, and" in said
+
+
+def test_samples_taken_away_during_a_run_are_not_done(batch, monkeypatch, capfd):
+    """By hand, or by another program; the next run makes them again."""
+    arguments = ["batch", str(batch.path.parent / "sweep.toml"), "-o", str(batch.path), "--json"]
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "index_batch", lambda folder: shutil.rmtree(folder.place(0)))
+        assert cli(arguments) == 3
+    assert json.loads(capfd.readouterr().out)["done"] == 1
+    assert cli([*arguments, "--workers", "1"]) == 0
+    assert batch.finished() == [0, 1]
 
 
 def test_a_dry_run_finds_that_the_folder_is_another_s(batch, capfd):
