@@ -288,6 +288,16 @@ def test_what_a_point_instancer_scatters_is_no_cloth(tmp_path, capfd):
     refused(capfd, tmp_path, "Prim /World/Scatter/Leaf in shot.usda is scattered", "--cloth", "/World/Scatter/Leaf")
 
 
+@pytest.mark.parametrize("option", ["--cloth", "--collider"])
+def test_classes_are_neither_cloth_nor_colliders(tmp_path, capfd, option):
+    stage = new_stage(tmp_path / "shot.usda")
+    add_cloth(stage)
+    stage.CreateClassPrim("/_shirts")
+    add_mesh(stage, "/_shirts/Shirt")
+    stage.Save()
+    refused(capfd, tmp_path, "Prim /_shirts/Shirt in shot.usda is or belongs to a class", option, "/_shirts/Shirt")
+
+
 @pytest.mark.parametrize("content", [b"", b"#usda 1.0\ndef Mesh {", b"PXR-USDC and so on", b"solid stl"])
 def test_a_broken_file_is_one_sentence(tmp_path, monkeypatch, capfd, content):
     monkeypatch.chdir(tmp_path)
