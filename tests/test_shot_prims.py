@@ -111,3 +111,12 @@ def test_cloth_may_have_its_faces_sampled_at_every_frame(tmp_path, stage):
     result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", device="cpu", frames=2)
     assert result.triangles == 32
     assert check_cache(result.output).ok
+
+
+def test_strain_is_that_under_a_scale_that_has_samples_only(tmp_path, stage):
+    scale = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Shirt")).AddScaleOp()
+    for code in (0.0, 2.0):
+        scale.Set((2.0, 2.0, 2.0), code)
+    stage.Save()
+    result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", device="cpu", frames=2)
+    assert check_cache(result.output).max_strain < 0.01
