@@ -1,15 +1,19 @@
 """Folders of batches that are not as they should be: one sentence each, and nothing is lost."""
 
+import contextlib
 import json
 import os
+import shutil
+import threading
 import time
 
 import pytest
 from batch_sweeps import SWEEP, simulated, written
+from filelock import FileLock
 
-from warpcloth.batch import load_sweep
+from warpcloth.batch import load_sweep, run
 from warpcloth.batch.folder import SWEEP as SWEEP_FILE
-from warpcloth.batch.folder import BatchFolder
+from warpcloth.batch.folder import BatchFolder, BusyError
 from warpcloth.batch.job import fail
 from warpcloth.batch.run import status_of
 from warpcloth.cli import run as cli
@@ -61,6 +65,25 @@ def test_what_may_not_be_written_is_said(batch, capfd, monkeypatch):
         assert f"The folder {batch.path.parent} cannot be written to: permission denied." in sentence
 
 
+@pytest.mark.parametrize("seconds", [0.3, 30.0])
+def test_who_only_asks_whether_a_folder_is_busy_keeps_nobody_out(batch, seconds):
+    """As `status` does, with the lock in its hand for a moment."""
+    held, over = threading.Event(), threading.Event()
+
+    def hold():
+        with FileLock(batch.path / ".lock"):
+            held.set()
+            over.wait(seconds)
+
+    holder = threading.Thread(target=hold)
+    holder.start()
+    held.wait()
+    with contextlib.nullcontext() if seconds < 1.0 else pytest.raises(BusyError), batch.locked():
+        assert batch.busy
+    over.set()
+    holder.join()
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -89,6 +112,17 @@ def test_a_damaged_sample_is_said_before_any_work(batch, capfd, text, sentence):
     for arguments in (["status"], ["index"], [str(batch.path.parent / "sweep.toml"), "-o"]):
         said = refused(capfd, *arguments, str(batch.path))
         assert f"Sample 1 is damaged: its metrics.json {sentence}; remove the folder {batch.place(1)}, and" in said
+
+
+def test_samples_taken_away_during_a_run_are_not_done(batch, monkeypatch, capfd):
+    """By hand, or by another program; the next run makes them again."""
+    arguments = ["batch", str(batch.path.parent / "sweep.toml"), "-o", str(batch.path), "--json"]
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "index_batch", lambda folder: shutil.rmtree(folder.place(0)))
+        assert cli(arguments) == 3
+    assert json.loads(capfd.readouterr().out)["done"] == 1
+    assert cli([*arguments, "--workers", "1"]) == 0
+    assert batch.finished() == [0, 1]
 
 
 def test_a_dry_run_finds_that_the_folder_is_another_s(batch, capfd):

@@ -10,12 +10,12 @@ import psutil
 import pytest
 from batch_sweeps import SWEEP, written
 
-from warpcloth.batch import load_sweep, pool
+from warpcloth.batch import load_sweep, pool, run
 from warpcloth.batch.folder import BatchFolder
 from warpcloth.batch.job import Outcome, fail
 from warpcloth.batch.plan import make_plan
 from warpcloth.batch.run import run_batch
-from warpcloth.errors import SimulationError
+from warpcloth.errors import InputError, SimulationError
 
 MIB = 2**20
 
@@ -50,6 +50,17 @@ def test_workers_that_cannot_begin_end_the_batch(tmp_path, monkeypatch):
     monkeypatch.setattr(pool, "Worker", type("Stillborn", (Doomed,), {"begins": False}))
     with pytest.raises(SimulationError, match=r"Workers die before they begin anything \(exit code -9\)"):
         run_batch(load_sweep(written(tmp_path)), tmp_path / "batch", workers=2)
+
+
+def test_a_full_disk_is_said_rather_than_that_the_index_has_no_room_either(tmp_path, monkeypatch):
+    def refuse(folder):
+        raise InputError("Cannot write contact_sheet.png: No space left on device.")
+
+    monkeypatch.setattr(pool, "Worker", type("Stillborn", (Doomed,), {"begins": False}))
+    monkeypatch.setattr(run, "index_batch", refuse)
+    with pytest.raises(SimulationError, match=r"Workers die before they begin anything"):
+        run_batch(load_sweep(written(tmp_path)), tmp_path / "batch", workers=2)
+    assert BatchFolder(tmp_path / "batch").stale.exists()
 
 
 def test_memory_that_is_shared_counts_for_nobody(tmp_path):

@@ -144,6 +144,11 @@ UNIFORM = 'path = "cloth.0.position.2"\nuniform = [0.3, 0.5]'
         ('path = "cloth.0"\nvalues = [{ size = [inf, 1] }]', "count = 1", "parameter.0 must have only finite numbers"),
         ('path = "obstacle.0.path"\nglob = "*.nothing"', "count = 1", "no file matches the pattern"),
         (f"{UNIFORM}\n[[parameter]]\n{UNIFORM}", "count = 1", "only one .* for 'cloth.0.position.2'"),
+        (
+            f'{UNIFORM}\n[[parameter]]\npath = "cloth.0.position"\nvalues = [[0, 0, 1]]',
+            "count = 1",
+            "the sweep must have its .* for 'cloth.0.position.2' after that for 'cloth.0.position', which would undo",
+        ),
         ('path = "cloth.0.siez.0"\nvalues = [1]', "count = 1", "sample 0: .*siez' is unknown; did you mean 'size'"),
         ('path = "cloth.3.size"\nvalues = [1]', "count = 1", "sample 0: 'cloth' is a list of 1"),
         ('path = "cloth.0.size.0"\nnormal = [0.1, 1.0]', "count = 99", r"sample \d+: cloth.0.size must be 2 numbers"),

@@ -1,4 +1,4 @@
-"""Names that a file system takes and USD does not: bytes that are no UTF-8 text; and what a URL is made of."""
+"""Names that a file system takes and USD does not: bytes that are no UTF-8 text; what a URL is made of; links."""
 
 import json
 import os
@@ -7,7 +7,7 @@ import sys
 import pytest
 from shot_files import small_shot
 from usd_files import write_usd
-from warpcloth.scenes import scene_from_toml, simulate
+from warpcloth.scenes import load_scene, scene_from_toml, simulate
 from warpcloth.scenes.usd import check_cache
 
 from warpcloth.cli import run
@@ -58,3 +58,12 @@ def test_a_mesh_in_a_folder_whose_name_is_not_text_is_one_sentence(tmp_path, mon
 def test_names_that_mean_something_in_a_url_are_sound(tmp_path, name):
     path = simulate(scene_from_toml(NAPKIN), tmp_path / name, frames=1, device="cpu").output
     assert check_cache(path).usd_errors == ()
+
+
+def test_a_shot_finds_its_stage_through_a_link_to_its_folder_and_without(tmp_path):
+    stage = small_shot(tmp_path / "shot.usda", frames=1)
+    (tmp_path / "far" / "away").mkdir(parents=True)
+    (tmp_path / "near").symlink_to(tmp_path / "far" / "away", target_is_directory=True)
+    simulate(load_scene(stage), tmp_path / "near" / "out.usda", device="cpu")
+    for folder in ("near", "far/away"):
+        assert check_cache(tmp_path / folder / "out.usda").ok

@@ -160,6 +160,7 @@ SCATTERS = [
     ({"indices": (0, 1)}, "refers to prototype 1, but has 1, counted from 0"),
     ({"indices": (0, -1)}, "refers to prototype -1, but has 1, counted from 0"),
     ({"prototypes": ()}, "refers to prototype 0, but has 0, counted from 0"),
+    ({"prototypes": ("/scatter",)}, "scatters itself."),
     ({"prototypes": ("/scatter/leaf",)}, "refers to the prototype /scatter/leaf, which does not exist"),
 ]
 
@@ -169,6 +170,24 @@ def test_point_instancers_that_do_not_fit_are_refused(tmp_path, options, words):
     assert len(read_mesh(scattered(tmp_path / "good.usda", ids=[7, 8]), join=True).points) == 4
     with pytest.raises(MeshError, match=f"The point instancer /scatter {words}"):
         read_mesh(scattered(tmp_path / "bad.usda", **options), join=True)
+
+
+def test_point_instancers_may_scatter_others(tmp_path):
+    """Trees in a wood, say, each with leaves, of which one is not in its tree's own place."""
+    stage, _ = write_usd(tmp_path / "wood.usda", prim="/wood/tree/leaf/sheet")
+    UsdGeom.Xform.Define(stage, "/wood/tree/leaf").AddTranslateOp().Set(Gf.Vec3d(0, 0, 0.5))
+    for path, prototype, places in (
+        ("/wood", "/wood/tree", [(0, 0, 0), (9, 0, 0)]),
+        ("/wood/tree", "/wood/tree/leaf", [(0, 0, 0), (0, 0, 7)]),
+    ):
+        scatter = UsdGeom.PointInstancer.Define(stage, path)
+        scatter.CreatePrototypesRel().SetTargets([prototype])
+        scatter.CreateProtoIndicesAttr([0, 0])
+        scatter.CreatePositionsAttr(places)
+        scatter.CreateScalesAttr([(1, 1, 1), (1, 1, 2)])
+    stage.Save()
+    corners = read_mesh(tmp_path / "wood.usda", join=True).points[::4]
+    assert sorted(map(tuple, corners.tolist())) == [(0, 0, 0.5), (0, 0, 8.0), (9, 0, 1.0), (9, 0, 16.0)]
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,17 @@ def test_seams_that_are_nearly_closed_are_welded(gap, vertices):
     np.testing.assert_array_equal(mesh.points[:3], points[:3])
 
 
+def test_vertices_that_no_triangle_uses_do_not_make_a_mesh_larger():
+    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
+    places = [(0.0, 0.0, 0.0), (1.05, 0.0, 0.0), (1.0 + 1e-7, 1.0, 0.0)]
+    panels = np.concatenate([square + np.array(place) for place in places])
+    corners = [[0, 1, 2], [0, 2, 3]]
+    triangles = np.concatenate([np.array(corners) + 4 * panel for panel in range(3)])
+    for stray in ([], [(1e5, 0.0, 0.0)]):
+        mesh = TriangleMesh(np.array([*panels.tolist(), *stray]), triangles).welded()
+        assert len(mesh.points) == 11
+
+
 def test_what_is_near_is_not_welded_where_a_triangle_would_shrink_to_a_line():
     points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (2, 1e-7, 0)], float)
     mesh = load_mesh(trimesh.Trimesh(points, [[0, 1, 2], [3, 4, 5], [4, 6, 5]], process=False))

@@ -22,6 +22,12 @@ def changing_faces(stage):
         mesh.GetFaceVertexCountsAttr().Set(counts, code)
 
 
+def other_faces_at_rest(stage):
+    mesh = add_cloth(stage)
+    corners = list(mesh.GetFaceVertexIndicesAttr().Get())
+    mesh.GetFaceVertexIndicesAttr().Set(corners[4:] + corners[:4], 0)
+
+
 def changing_points(stage):
     mesh = add_cloth(stage)
     pin_points(mesh, [0])
@@ -183,6 +189,7 @@ FAULTS = [
         "Nothing in shot.usda says that it is cloth by PhysicsSurfaceDeformableSimAPI; it has no mesh at all.",
     ),
     (changing_faces, "Cloth /World/Shirt has a faceVertexCounts that changes over time"),
+    (other_faces_at_rest, "Cloth /World/Shirt has a faceVertexIndices that changes over time"),
     (changing_points, "Cloth /World/Shirt has 25 points at first but 24 at time code 2"),
     (no_faces, "Mesh '/World/Shirt' is empty: it has 25 vertices and 0 faces."),
     (nan_points, "Mesh '/World/Shirt'"),
@@ -249,7 +256,10 @@ CHOICES = [
     (["--cloth", "/World/Ball"], "Prim /World/Ball in shot.usda is a Sphere with no mesh in it"),
     (["--cloth", "/"], "There is no prim / in shot.usda"),
     (["--cloth", "/World/Shirt", "--collider", "/World/Fabric"], "Prim /World/Fabric in shot.usda has no shape in it"),
-    (["--cloth", "/World/Shirt", "--collider", "/World"], "cannot be both cloth and collider"),
+    (
+        ["--cloth", "/World/Shirt", "--collider", "/World/Ball", "--collider", "/World"],
+        "Prim /World/Shirt in shot.usda cannot be both cloth and collider; give other colliders than /World.",
+    ),
     (["--set", "stage.fabric=demin"], "must be a table or the name of a fabric"),
     (["--set", "network.k_s=1"], "shot.usda: the key 'network.positions' is missing"),
     (["--cloth", "/World/Shirt", "-o", "out.abc"], "must end in .usd, .usdc, .usda or .usdz"),
@@ -276,6 +286,16 @@ def test_what_a_point_instancer_scatters_is_no_cloth(tmp_path, capfd):
     add_mesh(stage, "/World/Scatter/Leaf")
     stage.Save()
     refused(capfd, tmp_path, "Prim /World/Scatter/Leaf in shot.usda is scattered", "--cloth", "/World/Scatter/Leaf")
+
+
+@pytest.mark.parametrize("option", ["--cloth", "--collider"])
+def test_classes_are_neither_cloth_nor_colliders(tmp_path, capfd, option):
+    stage = new_stage(tmp_path / "shot.usda")
+    add_cloth(stage)
+    stage.CreateClassPrim("/_shirts")
+    add_mesh(stage, "/_shirts/Shirt")
+    stage.Save()
+    refused(capfd, tmp_path, "Prim /_shirts/Shirt in shot.usda is or belongs to a class", option, "/_shirts/Shirt")
 
 
 @pytest.mark.parametrize("content", [b"", b"#usda 1.0\ndef Mesh {", b"PXR-USDC and so on", b"solid stl"])

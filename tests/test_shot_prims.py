@@ -6,6 +6,7 @@ from shot_files import add_ball, add_cloth, add_mesh, new_stage, sheet
 from warpcloth.scenes import load_scene, simulate
 from warpcloth.scenes.shots.export import export_scene
 from warpcloth.scenes.shots.shot import read_shot
+from warpcloth.scenes.usd import check_cache
 from warpcloth.scenes.usd.playback import can_play
 
 from warpcloth.errors import SceneError, UsdError
@@ -97,3 +98,25 @@ def test_an_animated_stage_is_no_cache_before_its_cloth_is_simulated(tmp_path, s
     stage.RemovePrim("/World/Shirt")
     stage.Save()
     assert can_play(tmp_path / "shot.usda")
+
+
+def test_cloth_may_have_its_faces_sampled_at_every_frame(tmp_path, stage):
+    mesh = add_cloth(stage)
+    for attribute in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()):
+        value = attribute.Get()
+        attribute.Clear()
+        for code in (0.0, 1.0, 2.0):
+            attribute.Set(value, code)
+    stage.Save()
+    result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", device="cpu", frames=2)
+    assert result.triangles == 32
+    assert check_cache(result.output).ok
+
+
+def test_strain_is_that_under_a_scale_that_has_samples_only(tmp_path, stage):
+    scale = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Shirt")).AddScaleOp()
+    for code in (0.0, 2.0):
+        scale.Set((2.0, 2.0, 2.0), code)
+    stage.Save()
+    result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", device="cpu", frames=2)
+    assert check_cache(result.output).max_strain < 0.01

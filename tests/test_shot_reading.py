@@ -90,7 +90,7 @@ def test_polygons_keep_the_points_of_the_mesh(tmp_path):
     np.testing.assert_allclose(end[11], points[11])
 
 
-@pytest.mark.parametrize("how", ["points", "faces", "primvar", "houdini", "one value"])
+@pytest.mark.parametrize("how", ["points", "faces", "primvar", "houdini", "uniform", "corners", "one value"])
 def test_pins_are_subsets_or_primvars(tmp_path, how):
     stage = new_stage(tmp_path / "shot.usda")
     mesh, expected = add_cloth(stage), [0, 1, 5, 6]
@@ -106,6 +106,13 @@ def test_pins_are_subsets_or_primvars(tmp_path, how):
     elif how == "houdini":
         kind = Sdf.ValueTypeNames.IntArray
         primvars.CreatePrimvar("pintoanimation", kind, "vertex").Set(Vt.IntArray(weights.astype(int).tolist()))
+    elif how == "uniform":
+        primvar = primvars.CreatePrimvar("pins", Sdf.ValueTypeNames.BoolArray, "uniform")
+        primvar.Set([False, True])
+        primvar.SetIndices([1] + [0] * 15)
+    elif how == "corners":
+        primvar = primvars.CreatePrimvar("pins", Sdf.ValueTypeNames.FloatArray, "faceVarying")
+        primvar.Set([1.0] * 4 + [0.0] * 60)
     else:
         primvars.CreatePrimvar("pins", Sdf.ValueTypeNames.Float, "constant").Set(1.0)
         expected = list(range(25))
@@ -113,6 +120,21 @@ def test_pins_are_subsets_or_primvars(tmp_path, how):
     (part,) = read_shot(tmp_path / "shot.usda").parts
     assert part.cloth.pinned.tolist() == expected
     assert all(pin.motion is None for pin in part.cloth.pins)
+
+
+def test_weights_of_faces_are_none_of_points_where_there_are_as_many(tmp_path):
+    n = 6
+    turns = [2.0 * np.pi * i / n for i in range(n)]
+    ring = [((2 + np.cos(b)) * np.cos(a), (2 + np.cos(b)) * np.sin(a), np.sin(b)) for a in turns for b in turns]
+    quads = [(i * n + j, (i + 1) % n * n + j, (i + 1) % n * n + (j + 1) % n, i * n + (j + 1) % n)
+             for i in range(n) for j in range(n)]  # fmt: skip
+    stage = new_stage(tmp_path / "shot.usda")
+    mesh = add_cloth(stage, mesh=(np.array(ring), [4] * len(quads), [v for quad in quads for v in quad]))
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("pins", Sdf.ValueTypeNames.FloatArray, "uniform")
+    primvar.Set([0.0] * 7 + [1.0] + [0.0] * 28)
+    stage.Save()
+    (part,) = read_shot(tmp_path / "shot.usda").parts
+    assert part.cloth.pinned.tolist() == sorted(quads[7])
 
 
 def test_pins_of_a_mesh_with_sampled_points_each_follow_their_own(tmp_path):
@@ -190,6 +212,8 @@ def test_prims_that_are_cloth_or_collider_only_because_somebody_says_so(tmp_path
     assert [str(part.mesh.GetPath()) for part in chosen.parts] == ["/World/B/Shirt"]
     assert [obstacle.name for obstacle in chosen.obstacles] == ["Ball"]
     assert chosen.cloths[0].fabric == Fabric()
+    twice = read_shot(path, ["/World/B"], ["/World/Ball", "/World/Ball", "/World"])
+    assert [obstacle.name for obstacle in twice.obstacles] == ["Ball"]
     denim = read_shot(path, fabric=fabrics()["denim"].fabric)
     assert [cloth.fabric.name for cloth in denim.cloths] == ["denim", "denim"]
     fitted = load_scene(path, ["stage.springs=fitted"], cloth=["/World/A"])

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 import warpcloth as wc
 from warpcloth.cli import run
+from warpcloth.diagnostics import check_start_for, penetration_depths
 from warpcloth.errors import BadStartError
 from warpcloth.intersections import intersections
 from warpcloth.state import State
@@ -74,6 +76,33 @@ def test_cloth_leaves_a_box_that_pokes_through_it():
     done = untangle(model, State.of(model))
     assert done.before > 0
     assert done.after == 0
+
+
+BALL = trimesh.creation.icosphere(3, 0.2)
+SOLIDS = [
+    wc.Sphere((0.0, 0.0, 0.0), 0.2),
+    wc.Capsule((-0.1, 0.0, 0.0), (0.1, 0.0, 0.0), 0.2),
+    wc.MeshObstacle(np.array(BALL.vertices), np.array(BALL.faces)),
+    wc.Plane((0.0, 0.0, 0.2)),
+]
+
+
+@pytest.mark.parametrize("solid", SOLIDS, ids=lambda solid: solid.name)
+@pytest.mark.parametrize("depth", [0.005, 0.05])
+def test_cloth_leaves_solids_that_it_starts_in(solid, depth):
+    """Whether or not its triangles pass through triangles of theirs; as clothes start that are cut close to a body."""
+    fabric = wc.Fabric(thickness=0.002)
+    cloths = [wc.Cloth.grid((0.4, 0.4), (21, 21), fabric, transform=placed(z, 0.3, 0.0)) for z in (0.2 - depth, 0.4)]
+    model = wc.Model.build_worlds([([cloth], [solid]) for cloth in cloths], device="cpu")
+    state = State.of(model)
+    assert penetration_depths(model, state).max() == pytest.approx(depth, rel=0.02)
+    done = untangle(model, state)
+    assert done.after == 0
+    assert done.moved_m < depth + 0.02
+    assert penetration_depths(model, state).max() == 0.0
+    apart = slice(441, None)  # in another world, where nothing is wrong
+    np.testing.assert_allclose(state.particle_q.numpy()[apart], model.particle_q.numpy()[apart], atol=1e-6)
+    check_start_for("all", model, state)
 
 
 def test_what_is_apart_is_left_alone():

@@ -108,6 +108,34 @@ def test_a_mesh_may_have_its_points_sampled_once(codes, moves):
     np.testing.assert_allclose(solid.points_at(1.0)[:, 2], float(moves), atol=1e-12)
 
 
+def test_faces_that_are_sampled_may_not_change():
+    """Many writers sample faces at every frame."""
+    stage, prim = collider(UsdGeom.Mesh)
+    mesh = UsdGeom.Mesh(prim)
+    mesh.CreatePointsAttr(SQUARE)
+    for code in (0.0, 1.0, 2.0):
+        mesh.GetFaceVertexCountsAttr().Set([4], code)
+        mesh.GetFaceVertexIndicesAttr().Set([0, 1, 2, 3], code)
+    (solid,) = read_obstacles(stage)
+    assert len(solid.triangles) == 2
+    assert not solid.moves
+    mesh.GetFaceVertexIndicesAttr().Set([0, 1, 3, 2], 2.0)
+    with pytest.raises(UsdError, match=r"^Collider /Solid has a faceVertexIndices that changes over time; an obstacle"):
+        read_obstacles(stage)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("mirrored", [(), (0,), (1,), (2,), (0, 1, 2)])
+def test_a_plane_that_is_mirrored_is_solid_on_the_side_that_it_has_in_the_stage(axis, mirrored):
+    stage, prim = collider(UsdGeom.Plane)
+    UsdGeom.Plane(prim).CreateAxisAttr("XYZ"[axis])
+    scale = np.ones(3)
+    scale[list(mirrored)] = -1.0
+    UsdGeom.XformCommonAPI(prim).SetScale(Gf.Vec3f(*scale.tolist()))
+    (plane,) = read_obstacles(stage)
+    np.testing.assert_allclose(plane.normal, np.eye(3)[axis] * scale, atol=1e-12)
+
+
 def test_holes_of_a_mesh_are_none_of_its_faces():
     stage, prim = collider(UsdGeom.Mesh)
     mesh = UsdGeom.Mesh(prim)
@@ -135,6 +163,46 @@ def test_newer_kinds_with_one_radius_are_as_the_older_ones(old, new):
     prim.GetAttribute("radiusTop").Set(0.1)
     with pytest.raises(UsdError, match=r"/Solid has radii of 0.1 at its top and 0.3 at its bottom, but must have one"):
         read_obstacles(stage)
+
+
+@pytest.mark.parametrize("how", ["scale", "points"])
+def test_what_is_folded_up_at_first_may_open_later(how):
+    stage, prim = collider(UsdGeom.Mesh)
+    mesh = UsdGeom.Mesh(prim)
+    mesh.CreatePointsAttr(SQUARE)
+    mesh.CreateFaceVertexCountsAttr([4])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
+    if how == "scale":
+        grow = mesh.AddScaleOp()
+        grow.Set(Gf.Vec3f(0.0), 0.0)
+        grow.Set(Gf.Vec3f(-1.0, 1.0, 1.0), 24.0)
+    else:
+        mesh.GetPointsAttr().Set([SQUARE[0], SQUARE[1], SQUARE[1], SQUARE[0]], 0.0)
+        mesh.GetPointsAttr().Set(SQUARE, 24.0)
+    (solid,) = read_obstacles(stage)
+    assert len(solid.triangles) == 2
+    a, b, c = solid.points_at(1.0)[solid.triangles[0]]
+    assert np.cross(b - a, c - a)[2] > 0.0
+    assert np.ptp(solid.points_at(0.0)[:, 1]) == 0.0
+
+
+@pytest.mark.parametrize("kind", [UsdGeom.Mesh, UsdGeom.Cylinder])
+def test_a_still_collider_may_be_flattened(kind):
+    stage, prim = collider(kind)
+    if kind is UsdGeom.Mesh:
+        UsdGeom.Mesh(prim).CreatePointsAttr(SQUARE)
+        UsdGeom.Mesh(prim).CreateFaceVertexCountsAttr([4])
+        UsdGeom.Mesh(prim).CreateFaceVertexIndicesAttr([0, 1, 2, 3])
+    UsdGeom.XformCommonAPI(prim).SetScale(Gf.Vec3f(2.0, 1.0, 0.0))
+    (solid,) = read_obstacles(stage) if kind is UsdGeom.Mesh else _warned(stage)
+    assert not solid.moves
+    assert np.ptp(solid.points, axis=0)[2] == 0.0
+
+
+def _warned(stage):
+    """The obstacles of a stage in which triangles are left out."""
+    with pytest.warns(MeshWarning, match="triangles have no area"):
+        return read_obstacles(stage)
 
 
 def test_triangles_without_area_are_left_out_with_a_warning():

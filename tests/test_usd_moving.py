@@ -110,6 +110,29 @@ def test_what_is_stretched_while_it_turns_takes_its_way_too():
         np.testing.assert_allclose(solid.points_at(time), placed(shape.GetPrim(), time), atol=5e-4)
 
 
+@pytest.mark.parametrize("fps", [24.0, 6.0])
+@pytest.mark.parametrize("how", ["parent", "points"])
+def test_what_is_scaled_while_it_moves_runs_along_a_parabola(how, fps):
+    stage = new_scene()
+    stage.SetFramesPerSecond(fps)
+    shape = arm(stage, UsdGeom.Mesh)
+    grow = UsdGeom.Xformable(shape.GetPrim().GetParent()).AddScaleOp()
+    move = shape.AddTranslateOp(opSuffix="more")
+    far = np.array([0.4, 0.0, 0.0])
+    for code in (0.0, RATE):
+        grow.Set(Gf.Vec3f(1.0 + code / RATE, 1.0, 1.0), code)
+        if how == "parent":
+            move.Set(Gf.Vec3d(*(far * code / RATE).tolist()), code)
+        else:
+            shape.GetPointsAttr().Set([tuple(point) for point in np.array(SQUARE) + far * code / RATE], code)
+    (solid,) = read_obstacles(stage)
+    for time in TIMES:
+        u = min(1.0, max(0.0, time))
+        expected = (np.array(SQUARE) + (0.5, 0.0, 0.1) + far * u) * (1.0 + u, 1.0, 1.0)
+        np.testing.assert_allclose(solid.points_at(time), expected, atol=0.11 / min(24.0, fps) ** 2)
+    assert len(solid.sample_times) <= 25
+
+
 def test_held_points_take_the_way_that_their_mesh_takes(tmp_path):
     stage = new_stage(tmp_path / "shot.usda")
     mesh = add_cloth(stage)

@@ -17,6 +17,7 @@ import warp as wp
 
 from . import validate
 from .contact import ContactStage
+from .diagnostics import penetration_depths
 from .forces import Forces, Springs
 from .integrators import make_integrator
 from .intersections import Triangles
@@ -28,6 +29,8 @@ from .state import State
 STEPS, STRETCH = (1.0, 0.25), 100  # thicknesses moved per round, and for how many rounds each by turns: long, then fine
 RELAX_TIME = 1.0 / 60.0  # [s] of springs at work after each round, from standstill
 SWEEPS = 10
+LEAVING = 20  # rounds in which particles leave solids
+FAR = 1.0e6  # [m]
 
 
 @dataclass(frozen=True)
@@ -52,9 +55,9 @@ class Untangled:
 def untangle(model: Model, state: State, *, rounds: int = 1000) -> Untangled:
     """Moves cloth out of intersections with itself, other cloth and obstacles, as far as it succeeds.
 
-    Layers that are nearly parallel are parted along their normals. For what is left, by turns the lines of intersection
-    are shortened (Volino and Magnenat-Thalmann 2006) and the springs, from standstill and without gravity, restore the
-    shape; particles leave solid obstacles. Pins stay.
+    Particles leave solid obstacles by the shortest way, and layers that are nearly parallel are parted along their
+    normals. For what is left, by turns the lines of intersection are shortened (Volino and Magnenat-Thalmann 2006) and
+    the springs, from standstill and without gravity, restore the shape. Pins stay.
 
     Args:
         state: positions are changed, velocities are not.
@@ -69,7 +72,9 @@ def untangle(model: Model, state: State, *, rounds: int = 1000) -> Untangled:
     thickness = 2.0 * float(model.particle_radius.numpy().min())
     relax = _Relaxation(model, state)
     before = int(found.count(state).sum())
-    layered = done = part_layers(found, state, thickness, rounds) if before else 0
+    left = _leave_solids(found, state, relax, min(rounds, LEAVING))
+    crossing = int(found.count(state).sum())
+    layered = done = left + (part_layers(found, state, thickness, rounds - left) if crossing else 0)
     count = int(found.count(state).sum())
     while count > 0 and done < rounds:
         step = STEPS[(done - layered) // STRETCH % len(STEPS)] * thickness
@@ -79,6 +84,32 @@ def untangle(model: Model, state: State, *, rounds: int = 1000) -> Untangled:
         count, done = int(found.count(state).sum()), done + 1
     moved = np.linalg.norm(state.particle_q.numpy() - begun, axis=1).max(initial=0.0)
     return Untangled(before, count, done, float(moved))
+
+
+def _leave_solids(found: Triangles, state: State, relax: "_Relaxation", rounds: int) -> int:
+    """Moves particles that are inside solids out by the shortest way, and lets the springs draw the others after them.
+
+    Returns:
+        how many rounds it took; 0, with nothing moved, where it leaves more intersections.
+    """
+    model, before, begun = found.model, int(found.count(state).sum()), state.particle_q.numpy().copy()
+    free, gap, done = model.particle_inv_mass.numpy() > 0.0, 2.0 * float(model.particle_radius.numpy().min()), 0
+    while done < rounds and penetration_depths(model, state)[free].max(initial=0.0) > 0.0:
+        inputs = [model.particle_world, model.particle_inv_mass, model.shapes.shapes, gap, FAR, state.particle_q]
+        wp.launch(
+            model.kernels.leaving.leave_solids,
+            dim=model.particle_count,
+            inputs=[*inputs, model.shapes.end],
+            outputs=[relax.later.particle_q],
+            device=model.device,
+        )
+        wp.copy(state.particle_q, relax.later.particle_q)
+        relax.run()
+        done += 1
+    if int(found.count(state).sum()) > before:
+        state.particle_q.assign(begun)
+        return 0
+    return done
 
 
 def contour_moves(triangles: Triangles, state: State) -> np.ndarray:

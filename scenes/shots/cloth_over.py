@@ -111,6 +111,10 @@ class ClothOver:
             self.over.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
         elif not self.source.GetSubdivisionSchemeAttr().HasAuthoredValue():
             self.over.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.catmullClark)  # as it is when nobody says
+        for attribute in (self.source.GetFaceVertexCountsAttr(), self.source.GetFaceVertexIndicesAttr()):
+            if attribute.GetNumTimeSamples():  # always the same, which nobody else looks for
+                once = prim.CreateAttribute(attribute.GetName(), attribute.GetTypeName(), custom=False)
+                once.Set(attribute.Get(Usd.TimeCode.EarliestTime()))
         for name, kind in (STALE[self.faceted] | {"accelerations": Sdf.ValueTypeNames.Vector3fArray}).items():
             attribute = self.source.GetPrim().GetAttribute(name)
             if attribute and attribute.HasAuthoredValue():

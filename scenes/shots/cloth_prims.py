@@ -65,9 +65,12 @@ def prim_at(stage: Usd.Stage, path: str, file: str) -> Usd.Prim:
     """The prim at a path that a user has given.
 
     Raises:
-        UsdError: there is none; the message has the closest path.
+        UsdError: there is none, and the message has the closest path; or it is abstract.
     """
     prim = stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
+    if prim and prim.IsAbstract():
+        rule = "name one that inherits from it or refers to it"
+        raise UsdError(f"Prim {path} in {file} is or belongs to a class, which is nowhere itself; {rule}.")
     if prim and prim.IsActive() and not prim.IsPseudoRoot():
         return prim
     every = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())

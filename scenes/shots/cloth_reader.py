@@ -14,6 +14,7 @@ from warpcloth.meshes.check import refuse_non_finite
 from warpcloth.meshes.usd import prim_mesh
 from warpcloth.validate import sentence
 
+from ..usd.faces import changing_faces
 from ..usd.opening import world_matrix
 from ..usd.roles import SIM_API, has_schema
 from ..usd.samples import as_vectors
@@ -83,10 +84,10 @@ def read_cloth(
 
 
 def _check_topology(mesh: UsdGeom.Mesh) -> None:
-    for attribute in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()):
-        if attribute.ValueMightBeTimeVarying():
-            what = f"{attribute.GetName()} that changes over time"
-            raise UsdError(f"Cloth {mesh.GetPath()} has a {what}; cloth keeps its faces from beginning to end.")
+    changing = changing_faces(mesh)
+    if changing:
+        what = f"{changing} that changes over time"
+        raise UsdError(f"Cloth {mesh.GetPath()} has a {what}; cloth keeps its faces from beginning to end.")
 
 
 def _rest_points(mesh: UsdGeom.Mesh, whole: TriangleMesh) -> np.ndarray:

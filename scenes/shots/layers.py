@@ -184,9 +184,15 @@ def _write_shot(path: Path, files: _Files) -> None:
 
 
 def _reference(file: Path, shot: Path) -> str:
-    """How the shot names another file: relative to itself where both lie in one tree and may move together."""
+    """How the shot names another file: relative to itself where both lie in one tree and may move together.
+
+    Whoever opens the shot may come to its folder by a link or not, and ``..`` goes up the way that they came; so what
+    is not found both ways is named in full.
+    """
     relative = Path(os.path.relpath(file, shot.parent))
-    if os.path.commonpath([file.absolute(), shot.absolute()]) == file.absolute().anchor:
+    direct = Path(os.path.normpath(shot.parent.resolve() / relative))
+    shared = os.path.commonpath([file.absolute(), shot.absolute()]) != file.absolute().anchor
+    if not shared or direct.resolve() != file.resolve():
         return file.absolute().as_posix()
     text = relative.as_posix()
     return text if text.startswith("../") else f"./{text}"

@@ -41,7 +41,8 @@ class MeshAnimation:
     def of(mesh: UsdGeom.Mesh, start: float) -> "MeshAnimation":
         """That of a mesh."""
         source = PointSamples.of(mesh)
-        codes = merged(mesh.GetPrim().GetStage(), path_codes(mesh.GetPrim()), source.codes)
+        path = path_codes(mesh.GetPrim(), deforms=bool(source.codes))
+        codes = merged(mesh.GetPrim().GetStage(), path, source.codes)
         return MeshAnimation(mesh, start, codes, source)
 
     def points(self, code: float) -> np.ndarray:
@@ -132,26 +133,36 @@ def _codes(primvar: UsdGeom.Primvar) -> list[float]:
 
 
 def _weights(mesh: UsdGeom.Mesh, primvar: UsdGeom.Primvar, code: float, count: int) -> np.ndarray:
-    """A primvar's value at each point, shape [count]; 0 where it has none."""
+    """A primvar's value at each point, shape [count]; 0 where it has none.
+
+    Of values for each face, or for each of its corners, a point has the largest.
+    """
     where, values = f"Cloth {mesh.GetPath()} has", primvar.ComputeFlattened(code)
     weights = np.atleast_1d(np.array([0.0] if values is None else values))
     if weights.ndim > 1 or weights.dtype.kind not in "biuf":
         raise UsdError(f"{where} {primvar.GetName()} of type {primvar.GetTypeName()}, but pins are numbers.")
     if weights.shape == (1,):
         weights = np.full(count, weights[0])
-    if weights.shape != (count,):
-        rule = "one for each point"
-        raise UsdError(f"{where} {len(weights)} values of {primvar.GetName()}, but needs {rule}: {count}.")
-    return weights.astype(float)
+    counts, corners = _faces(mesh)
+    sizes = {"uniform": ("face", len(counts)), "faceVarying": ("corner of a face", len(corners))}
+    each, wanted = sizes.get(primvar.GetInterpolation(), ("point", count))
+    if weights.shape != (wanted,):
+        raise UsdError(
+            f"{where} {len(weights)} values of {primvar.GetName()}, but needs one for each {each}: {wanted}."
+        )
+    if each == "point":
+        return weights.astype(float)
+    largest = np.full(count, -np.inf)
+    np.maximum.at(largest, corners, np.repeat(weights, counts) if each == "face" else weights)
+    return largest
 
 
 def _subset_points(mesh: UsdGeom.Mesh, subset: UsdGeom.Subset, count: int) -> np.ndarray:
     """Points of a subset of points or faces."""
     where = subset.GetPath()
     indices = np.array(subset.GetIndicesAttr().Get(FIRST) or [], np.int64)
-    kind = subset.GetElementTypeAttr().Get()
+    kind, (counts, corners) = subset.GetElementTypeAttr().Get(), _faces(mesh)
     if kind == UsdGeom.Tokens.face:
-        counts = np.array(mesh.GetFaceVertexCountsAttr().Get(FIRST), np.int64)
         limit = len(counts)
     elif kind == UsdGeom.Tokens.point:
         limit = count
@@ -162,5 +173,11 @@ def _subset_points(mesh: UsdGeom.Mesh, subset: UsdGeom.Subset, count: int) -> np
         raise UsdError(f"The pins {where} name {kind} {wrong[0]}, which is not one of 0 to {limit - 1}.")
     if kind == UsdGeom.Tokens.point:
         return np.unique(indices)
-    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(FIRST), np.int64)
     return np.unique(corners[np.isin(np.repeat(np.arange(limit), counts), indices)])
+
+
+def _faces(mesh: UsdGeom.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of each face, and the point of each corner."""
+    attributes = (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr())
+    counts, corners = (np.array(attribute.Get(FIRST), np.int64) for attribute in attributes)
+    return counts, corners

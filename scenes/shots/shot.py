@@ -82,11 +82,15 @@ def read_shot(
         taken = {mesh.GetPath() for mesh in meshes}
         prims = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
         marked = [prim for prim in prims if is_collider(prim) and prim.GetPath() not in taken]
-        added = [prim for where in collider for prim in _gprims(stage, where, path.name) if prim not in marked]
-        if any(prim.GetPath() in taken for prim in added):
-            raise UsdError(f"Prim {collider[0]} in {path.name} cannot be both cloth and collider.")
-        obstacles = [_obstacle(prim, start) for prim in [*marked, *added]]
-    return Shot(path, stage, start, parts, obstacles, tuple(prim.GetPath() for prim in added))
+        said = {prim.GetPath() for prim in marked}
+        added = {prim.GetPath(): where for where in collider for prim in _gprims(stage, where, path.name)}
+        added = {where: by for where, by in added.items() if where not in said}
+        both = next((where for where in added if where in taken), None)
+        if both is not None:
+            rule = f"give other colliders than {added[both]}"
+            raise UsdError(f"Prim {both} in {path.name} cannot be both cloth and collider; {rule}.")
+        obstacles = [_obstacle(prim, start) for prim in [*marked, *map(stage.GetPrimAtPath, added)]]
+    return Shot(path, stage, start, parts, obstacles, tuple(added))
 
 
 def _gprims(stage: Usd.Stage, path: str, file: str) -> list[Usd.Prim]:

@@ -48,7 +48,8 @@ class SampleCheck:
         rest = self._rest_points()
         self.count = len(rest)
         self.triangles = self._checked_triangles(rest)
-        self._matrix = world_matrix(prim, REST)
+        # many writers leave the default of what they sample unset
+        self._matrix = world_matrix(prim, self.codes[0] if self._moves and self.codes else REST)
         self._edges, self._rest_lengths = self._strainable(apply(self._matrix, rest))
         self._check_sampling()
         if self.shape.GetPointsAttr().Get() is not None and np.isfinite(rest).all():

@@ -25,6 +25,19 @@ def mesh_triangles(mesh: UsdGeom.Mesh, points: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(triangles, np.int32)
 
 
+def changing_faces(mesh: UsdGeom.Mesh) -> str | None:
+    """Name of an attribute by which the faces of a mesh differ between two times, or None.
+
+    Many writers sample faces at every frame, as they do not look whether these ever change.
+    """
+    for attribute in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()):
+        first, *later = (attribute.Get(code) for code in attribute.GetTimeSamples() or [Usd.TimeCode.Default()])
+        said = attribute.Get()
+        if any(value != first for value in later) or (said is not None and said != first):
+            return str(attribute.GetName())
+    return None
+
+
 def face_fault(mesh: UsdGeom.Mesh, count: int) -> str | None:
     """Why the faces over ``count`` points cannot be used, or None."""
     counts, corners = _faces(mesh)

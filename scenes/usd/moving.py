@@ -11,6 +11,7 @@ from ...errors import UsdError
 from .opening import frame_rate
 
 TURN = 3.0  # [°]; a straight way across it leaves the circle by 1/2900 of the radius
+PARABOLA = 24  # straight pieces that a parabola is cut into, if it lasts as many frames; they leave it by 1/576 of one
 MOST_TURNS = 1e4  # between two samples; more is no motion that anybody has made
 SAME = 1e-6  # of a frame, by which rounding may part two time codes that are one
 LINEAR = 1e-6  # relative, how far the linear parts of two equal transforms may be apart
@@ -30,11 +31,15 @@ def transform_codes(prim: Usd.Prim) -> list[float]:
     return sorted(codes)
 
 
-def path_codes(prim: Usd.Prim) -> list[float]:
+def path_codes(prim: Usd.Prim, deforms: bool = False) -> list[float]:
     """The codes of :func:`transform_codes`, and as many between them that straight ways join them to the prim's path.
 
     Stages interpolate angles, not places: what turns by 90° from one sample to the next runs along an arc, and what
-    turns by 360° comes back to where it was.
+    turns by 360° comes back to where it was. What moves while it is scaled runs along a parabola.
+
+    Args:
+        prim: the prim.
+        deforms: whether its points move in its own frame, too.
 
     Raises:
         UsdError: it turns more often than can be followed.
@@ -45,13 +50,19 @@ def path_codes(prim: Usd.Prim) -> list[float]:
     ops = [op for xformable in _chain(prim) for op in xformable.GetOrderedXformOps() if op.MightBeTimeVarying()]
     turns = [op for op in ops if UsdGeom.XformOp.GetOpTypeToken(op.GetOpType()).startswith(("rotate", "orient"))]
     matrices = [op for op in ops if op.GetOpType() == UsdGeom.XformOp.TypeTransform]
+    step = _frame(prim.GetStage())
 
     def pieces(before: float, after: float) -> int:
         angle = sum(_angle(op, before, after) for op in turns)
         if angle > 360.0 * MOST_TURNS:
             what = f"turns by {angle:g}° between time codes {before:g} and {after:g}"
             raise UsdError(f"Prim {prim.GetPath()} {what}, which is too fast to follow.")
-        return 1 if any(_is_bent(op, before, after) for op in matrices) else math.ceil(angle / TURN)
+        if any(_is_bent(op, before, after) for op in matrices):
+            return 1
+        changing = [op.GetName() for op in ops if op.Get(before) != op.Get(after)]
+        parabola = (deforms or len(changing) > 1) and any("xformOp:scale" in name for name in changing)
+        frames = math.ceil((after - before) / step - SAME)
+        return max(math.ceil(angle / TURN), min(PARABOLA, frames) if parabola else 1)
 
     return _split(codes, pieces)
 

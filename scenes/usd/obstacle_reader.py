@@ -7,10 +7,10 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from ...errors import UsdError
-from ...meshes.check import areas_only
+from ...meshes.check import areas_only, without_area
 from ...obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
 from ...transforms import apply
-from .faces import mesh_triangles
+from .faces import changing_faces, mesh_triangles
 from .moving import merged, path_codes
 from .opening import world_matrix
 from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
@@ -95,7 +95,11 @@ def _material(prim: Usd.Prim) -> dict[str, float]:
 
 def _mesh(mesh: UsdGeom.Mesh, origin: float, common: dict[str, Any]) -> MeshObstacle:
     prim, points = mesh.GetPrim(), PointSamples.of(mesh)
-    codes, seconds = _samples(prim, path_codes(prim) + points.codes, origin)
+    changing = changing_faces(mesh)
+    if changing:
+        rule = "an obstacle keeps its faces from beginning to end"
+        raise UsdError(f"Collider {prim.GetPath()} has a {changing} that changes over time; {rule}.")
+    codes, seconds = _samples(prim, path_codes(prim, deforms=bool(points.codes)) + points.codes, origin)
     rest = points.at(_rest_code(prim, codes))
     if not points.codes:
         return _placed(prim, codes, seconds, rest, mesh_triangles(mesh, rest), common)
@@ -120,14 +124,20 @@ def _placed(
     """
     rest, matrices = world_matrix(prim, _rest_code(prim, codes)), [world_matrix(prim, code) for code in codes]
     points = apply(rest, local)
+    moved: dict[str, Any]
+    if samples is None and (not codes or are_rigid(rest, matrices)):
+        moved = {"motion": rigid_motion(rest, seconds, matrices)}
+    else:
+        every = [local] * len(codes) if samples is None else samples
+        baked = np.stack([apply(matrix, sample) for matrix, sample in zip(matrices, every, strict=True)])
+        moved = {"sample_times": seconds, "sample_points": baked}
+        if without_area(points, triangles).any():  # what is folded up at first may open later
+            fullest = int(np.argmin([np.count_nonzero(without_area(sample, triangles)) for sample in baked]))
+            points, rest = baked[fullest], matrices[fullest]
     if np.linalg.det(rest[:3, :3]) < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
     triangles = areas_only(points, triangles, f"collider {prim.GetPath()}")
-    if samples is None and are_rigid(rest, matrices):
-        return MeshObstacle(points, triangles, motion=rigid_motion(rest, seconds, matrices), **common)
-    every = [local] * len(codes) if samples is None else samples
-    baked = np.stack([apply(matrix, sample) for matrix, sample in zip(matrices, every, strict=True)])
-    return MeshObstacle(points, triangles, sample_times=seconds, sample_points=baked, **common)
+    return MeshObstacle(points, triangles, **moved, **common)
 
 
 def _solid(shape: UsdGeom.Gprim, make: str, origin: float, common: dict[str, Any]) -> MeshObstacle:
@@ -212,7 +222,7 @@ def _cube(shape: UsdGeom.Cube, frame: Frame, common: dict[str, Any]) -> Box:
 
 
 def _plane(shape: UsdGeom.Plane, frame: Frame, common: dict[str, Any]) -> Plane:
-    return Plane(frame.origin, frame.rotation[:, _axis(shape)], **common)
+    return Plane(frame.origin, frame.axes[:, _axis(shape)], **common)
 
 
 def _uniform(shape: UsdGeom.Gprim, frame: Frame) -> float:

@@ -12,27 +12,30 @@ ROUND_OFF = 1e-5  # relative; many writers sample transforms in single precision
 
 
 class Frame(NamedTuple):
-    """Where a shape is: origin [m], shape [3], rotation matrix, shape [3, 3], and scale of each axis, shape [3]."""
+    """Where a shape is: origin [m], shape [3], rotation matrix, shape [3, 3], and scale of each axis, shape [3].
+
+    ``axes`` has the unit directions of the shape's own axes as columns; where the frame mirrors, they are no rotation.
+    """
 
     origin: np.ndarray
     rotation: np.ndarray
     scales: np.ndarray
+    axes: np.ndarray
 
 
 def split(matrix: np.ndarray) -> Frame | None:
     """The frame that ``matrix`` (4 × 4) makes, or None if it shears or flattens.
 
-    A mirroring matrix is treated as one that does not mirror, as the shapes this is for are their own mirror images.
+    Its rotation is that of a matrix that does not mirror, as most shapes that this is for are their own mirror images.
     """
     scales = np.linalg.norm(matrix[:3, :3], axis=0)
     if scales.min() == 0.0:
         return None
-    rotation = matrix[:3, :3] / scales
-    if np.abs(rotation.T @ rotation - np.eye(3)).max() > ROUND_OFF:
+    axes = matrix[:3, :3] / scales
+    if np.abs(axes.T @ axes - np.eye(3)).max() > ROUND_OFF:
         return None
-    if np.linalg.det(rotation) < 0.0:
-        rotation = rotation * (-1.0, 1.0, 1.0)
-    return Frame(matrix[:3, 3], rotation, scales)
+    rotation = axes * (-1.0, 1.0, 1.0) if np.linalg.det(axes) < 0.0 else axes
+    return Frame(matrix[:3, 3], rotation, scales, axes)
 
 
 def are_rigid(rest: np.ndarray, matrices: Sequence[np.ndarray]) -> bool:

@@ -20,6 +20,7 @@ SWEEP = "sweep.json"
 LOCK = ".lock"
 OWN = (LOCK, f".{SWEEP}")  # with what begins so a folder is as good as empty
 DIGITS = 6
+GLANCE = 1.0  # [s]; whoever has the lock for longer is at work
 SPARE = 64 * 2**20  # bytes that must be free on the disk beyond what the samples need
 
 
@@ -124,8 +125,11 @@ class BatchFolder:
         raise InputError(f"The folder {self.path} {what}; give another folder with -o, or undo the change.")
 
     @contextlib.contextmanager
-    def locked(self) -> Iterator[None]:
+    def locked(self, patience: float = GLANCE) -> Iterator[None]:
         """Keeps other batches out for as long as this process lives.
+
+        Args:
+            patience: how long to wait for whoever has it [s]; one who only looks at it has it for a moment, too.
 
         Raises:
             InputError: another batch is at work in the folder, or it cannot be written to.
@@ -135,7 +139,7 @@ class BatchFolder:
         with self.writing():
             self.path.mkdir(parents=True, exist_ok=True)
             try:
-                lock.acquire(timeout=0)
+                lock.acquire(timeout=patience)
             except filelock.Timeout:
                 raise BusyError(f"Another batch is at work in {self.path}; wait for it, or stop it.") from None
         try:
@@ -147,7 +151,7 @@ class BatchFolder:
     def busy(self) -> bool:
         """Whether a batch is at work in the folder, as far as somebody who may only read it can tell."""
         try:
-            with self.locked():
+            with self.locked(patience=0.0):
                 return False
         except InputError as error:
             return isinstance(error, BusyError)

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import MissingExtraError
+from ..errors import MissingExtraError, WarpclothError
 from ..scenes.interrupt import stop_on_interrupt
 from .assembly import write_assembly
 from .cluster import Cluster, ClusterPool
@@ -99,14 +99,25 @@ def run_batch(
             for outcome in _outcomes(sweep, folder, plan, cluster):
                 if on_progress is not None:
                     on_progress(plan, outcome)
-        finally:
-            folder.sweep_up()
-            if folder.stale.exists() or not (folder.path / PARQUET).exists():
-                with stop_on_interrupt() as request:
-                    request.waits = True  # for all of the index, whoever presses Ctrl-C once more
-                    index_batch(folder)
-                folder.stale.unlink(missing_ok=True)
+        except WarpclothError:
+            with contextlib.suppress(WarpclothError):  # what has led here is what the user should hear of
+                _complete(folder)
+            raise
+        except BaseException:
+            _complete(folder)
+            raise
+        _complete(folder)
         return status_of(folder, running=False)
+
+
+def _complete(folder: BatchFolder) -> None:
+    """Leaves a folder as it is to be found: nothing half, and all that is complete in its index."""
+    folder.sweep_up()
+    if folder.stale.exists() or not (folder.path / PARQUET).exists():
+        with stop_on_interrupt() as request:
+            request.waits = True  # for all of the index, whoever presses Ctrl-C once more
+            index_batch(folder)
+        folder.stale.unlink(missing_ok=True)
 
 
 def index_batch(folder: BatchFolder) -> list[Path]:

@@ -115,4 +115,8 @@ class SweepTable(Table):
         twice = next((path for path in paths if paths.count(path) > 1), None)
         if twice is not None:
             raise refuse(f"must have only one [[parameter]] for {twice!r}")
+        for number, path in enumerate(paths):  # they apply in this order
+            whole = next((later for later in paths[number:] if path.startswith(f"{later}.")), None)
+            if whole is not None:
+                raise refuse(f"must have its [[parameter]] for {path!r} after that for {whole!r}, which would undo it")
         return self

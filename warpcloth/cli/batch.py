@@ -54,7 +54,8 @@ def command(
 ) -> Report:
     """Simulate a SWEEP of one scene: many samples into one folder. The same command again resumes it.
 
-    The exit code is 0 if all samples of the sweep are done, 3 if any failed; the others are done all the same.
+    The exit code is 0 if all samples of the sweep are done, 3 if any failed, or was taken away in the meantime; the
+    others are done all the same.
     """
     if what in QUESTIONS:
         _refuse(
@@ -94,7 +95,7 @@ def _run(sweep: "Sweep", path: Path, options: dict[str, Any]) -> Report:
     try:
         with _progress(sweep.name) as on_progress:
             status = run_batch(sweep, path, on_progress=on_progress, **options)
-        code = SimulationError.exit_code if status.failed else 0
+        code = 0 if status.done == status.samples else SimulationError.exit_code
     except KeyboardInterrupt:
         if not (BatchFolder(path).path / "sweep.json").exists():
             raise

@@ -39,7 +39,7 @@ def check_areas(points: np.ndarray, triangles: np.ndarray, label: str) -> None:
     Raises:
         MeshError: naming how many there are, and the first.
     """
-    flat = np.flatnonzero(_without_area(points, triangles))
+    flat = np.flatnonzero(without_area(points, triangles))
     if flat.size:
         raise MeshError(f"{_said_of(flat, triangles, label)}; remove degenerate triangles.")
 
@@ -51,7 +51,7 @@ def areas_only(points: np.ndarray, triangles: np.ndarray, label: str) -> np.ndar
         MeshError: there are none, or an index is out of range.
     """
     points, triangles = checked_arrays(points, triangles, label)
-    flat = _without_area(points, triangles)
+    flat = without_area(points, triangles)
     if not flat.any():
         return triangles
     said = _said_of(np.flatnonzero(flat), triangles, label)
@@ -61,7 +61,8 @@ def areas_only(points: np.ndarray, triangles: np.ndarray, label: str) -> np.ndar
     return triangles[~flat]
 
 
-def _without_area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def without_area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Which triangles have no area, as far as float32 can tell, shape [m]."""
     corners = points[triangles]
     sides = corners - np.roll(corners, 1, axis=1)
     longest = np.einsum("tij,tij->ti", sides, sides).max(axis=1)

@@ -94,7 +94,7 @@ class TriangleMesh:
         """Which vertex each vertex becomes part of, shape [n]."""
         _, first, group = np.unique(self.points + 0.0, axis=0, return_index=True, return_inverse=True)
         exact = first[group.ravel()]
-        near = near_groups(self.points, SEAM * float(np.ptp(self.points, axis=0).max()))
+        near = self._near()
         branches = not EdgeTable.of(self.triangles).is_manifold
         harmless = np.array_equal(_shrunk(near[self.triangles]), _shrunk(exact[self.triangles]))
         if harmless and (branches or EdgeTable.of(near[self.triangles]).is_manifold):
@@ -102,6 +102,19 @@ class TriangleMesh:
         if branches or EdgeTable.of(exact[self.triangles]).is_manifold:
             return exact
         return np.arange(len(self.points))
+
+    def _near(self) -> np.ndarray:
+        """For each vertex the first of those as near as rounding may part them, shape [n].
+
+        Vertices that no triangle uses, wherever writers have left them, have no say in how large the mesh is.
+        """
+        used = self.points[self.triangles.ravel()]
+        low, high = used.min(axis=0), used.max(axis=0)
+        distance = SEAM * float((high - low).max())
+        inside = np.flatnonzero(np.all((self.points >= low) & (self.points <= high), axis=1))
+        near = np.arange(len(self.points))
+        near[inside] = inside[near_groups(self.points[inside], distance)]
+        return near
 
     @staticmethod
     def joined(meshes: Sequence["TriangleMesh"], name: str) -> "TriangleMesh":

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom, UsdUtils
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from ..errors import MeshError
 from ..validate import is_utf8
@@ -50,7 +50,7 @@ def _chosen(path: Path, prim: str | None, join: bool) -> TriangleMesh:
         raise MeshError(f"The USD file '{path.name}' cannot be used: {fault}.")
     cache = UsdGeom.XformCache(TIME)
     parts, shown = [], []
-    for mesh, matrix in _placed_meshes(stage, cache):
+    for mesh, matrix in _meshes_below(stage.GetPseudoRoot(), cache):
         where = str(mesh.GetPath())
         part = Part(where, partial(_placed, mesh, where.rsplit("/", 1)[-1], si_matrix(stage) @ matrix))
         parts.append(part)
@@ -69,32 +69,49 @@ def _reason(error: Tf.ErrorException) -> str:
     return telling[0] if telling else "it is damaged or not USD"
 
 
-def _placed_meshes(stage: Usd.Stage, cache: UsdGeom.XformCache) -> Iterator[tuple[UsdGeom.Mesh, np.ndarray]]:
-    """Every mesh with its 4 × 4 matrix to the stage's world, once for each instance."""
-    walk = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+def _meshes_below(
+    top: Usd.Prim, cache: UsdGeom.XformCache, above: tuple[Sdf.Path, ...] = ()
+) -> Iterator[tuple[UsdGeom.Mesh, np.ndarray]]:
+    """Every mesh with its 4 × 4 matrix to the frame of ``top``, once for each instance.
+
+    Args:
+        top: the root, or the prototype of a point instancer.
+        cache: of transforms.
+        above: paths of the point instancers that scatter it.
+    """
+    walk = iter(Usd.PrimRange(top, Usd.TraverseInstanceProxies()))
     for prim in walk:
         if prim.IsA(UsdGeom.PointInstancer):
             walk.PruneChildren()
-            yield from _scattered_meshes(UsdGeom.PointInstancer(prim), cache)
+            for mesh, matrix in _scattered_meshes(UsdGeom.PointInstancer(prim), cache, above):
+                yield mesh, _matrix_to(top, prim, cache) @ matrix
         elif prim.IsA(UsdGeom.Mesh):
-            yield UsdGeom.Mesh(prim), _columns(cache.GetLocalToWorldTransform(prim))
+            yield UsdGeom.Mesh(prim), _matrix_to(top, prim, cache)
+
+
+def _matrix_to(top: Usd.Prim, prim: Usd.Prim, cache: UsdGeom.XformCache) -> np.ndarray:
+    """From the frame of ``prim`` to that of ``top``, which it is or is below, 4 × 4."""
+    if prim == top:
+        return np.eye(4)
+    far = cache.GetLocalToWorldTransform(prim) if top.IsPseudoRoot() else cache.ComputeRelativeTransform(prim, top)[0]
+    return _columns(far)
 
 
 def _scattered_meshes(
-    scatter: UsdGeom.PointInstancer, cache: UsdGeom.XformCache
+    scatter: UsdGeom.PointInstancer, cache: UsdGeom.XformCache, above: tuple[Sdf.Path, ...]
 ) -> Iterator[tuple[UsdGeom.Mesh, np.ndarray]]:
+    """What a point instancer scatters, with matrices to its own frame."""
     prototypes = [scatter.GetPrim().GetStage().GetPrimAtPath(p) for p in scatter.GetPrototypesRel().GetTargets()]
     which = scatter.GetProtoIndicesAttr().Get(TIME) or []
     _check_scatter(scatter, prototypes, which)
+    if scatter.GetPath() in above:
+        raise MeshError(f"The point instancer {scatter.GetPath()} scatters itself.")
     transforms = scatter.ComputeInstanceTransformsAtTime(TIME, TIME, applyMask=UsdGeom.PointInstancer.IgnoreMask)
     mask = scatter.ComputeMaskAtTime(TIME) or [True] * len(transforms)
-    world = _columns(cache.GetLocalToWorldTransform(scatter.GetPrim()))
     for index, transform, visible in zip(which, transforms, mask, strict=True):
-        prototype = prototypes[index]
-        for prim in Usd.PrimRange(prototype, Usd.TraverseInstanceProxies()) if visible else ():
-            if prim.IsA(UsdGeom.Mesh):
-                local = np.eye(4) if prim == prototype else _columns(cache.ComputeRelativeTransform(prim, prototype)[0])
-                yield UsdGeom.Mesh(prim), world @ _columns(transform) @ local
+        if visible:
+            for mesh, local in _meshes_below(prototypes[index], cache, (*above, scatter.GetPath())):
+                yield mesh, _columns(transform) @ local
 
 
 def _check_scatter(scatter: UsdGeom.PointInstancer, prototypes: Sequence[Usd.Prim], which: Sequence[int]) -> None:
