@@ -3,6 +3,10 @@
 A = M + a K + b C is known by its products; the preconditioner is the inverse of its 3×3 diagonal blocks. Sums run in
 float64 over *lanes*, short ranges of particles of one world, and then over the lanes of a world, always in the same
 order: the result is bitwise repeatable on every device and does not depend on the other worlds.
+
+Products are taken in float64, too: where only rounding is left to solve for, velocities of 1e-20 m/s, their squares
+would vanish in float32, and the matrix look indefinite. What is not finite must stay visible: left out of a solution,
+it would be taken for a particle, or a world, on which nothing acts.
 """
 
 import sys
@@ -42,6 +46,13 @@ class Solves:
     decrease: wp.array(dtype=wp.float64)
     mark: wp.array(dtype=wp.float64)
     remaining: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def product(a: vec3, b: vec3):
+    """a·b in float64."""
+    total = wp.float64(a[0]) * wp.float64(b[0]) + wp.float64(a[1]) * wp.float64(b[1])
+    return total + wp.float64(a[2]) * wp.float64(b[2])
 
 
 @wp.func
@@ -88,7 +99,10 @@ def begin(
     ap_out: wp.array(dtype=vec3),
     partial_out: wp.array(dtype=wp.float64),
 ):
-    """x = 0, r = −residual, p = P r, A p started with M p, r·p summed. Nothing to do in worlds that are not active."""
+    """x = 0, r = −residual, p = P r, A p started with M p, r·p summed. Nothing to do in worlds that are not active.
+
+    Where p is not finite, x is not either.
+    """
     lane = thread_offset + wp.tid()
     rz = wp.float64(0.0)
     for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
@@ -96,11 +110,14 @@ def begin(
         p = preconditioner[i] * r
         if world_active[lanes.world[lane]] == 0:
             p = vec3()
-        x_out[i] = vec3()
+        x = vec3()
+        if not wp.isfinite(p):
+            x = p
+        x_out[i] = x
         r_out[i] = r
         p_out[i] = p
         ap_out[i] = particle_mass[i] * p
-        rz += wp.float64(wp.dot(r, p))
+        rz += product(r, p)
     partial_out[lane] = rz
 
 
@@ -123,7 +140,7 @@ def begin_worlds(
     solves_out.indefinite[w] = 0
     solves_out.decrease[w] = wp.float64(0.0)
     solves_out.active[w] = 0
-    if rz > wp.float64(0.0):
+    if rz > wp.float64(0.0) and wp.isfinite(rz):
         solves_out.active[w] = 1
         wp.atomic_add(solves_out.remaining, 0, 1)
 
@@ -143,7 +160,7 @@ def curvature(
     lane = thread_offset + wp.tid()
     total = wp.float64(0.0)
     for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
-        total += wp.float64(wp.dot(vector_at(p, i), vector_at(ap, i)))
+        total += product(vector_at(p, i), vector_at(ap, i))
     partial_out[lane] = total
 
 
@@ -156,15 +173,20 @@ def step_length(
     # Out
     solves_out: Solves,
 ):
-    """α = r·z / p·A p. Where p·A p ≤ 0 the matrix is indefinite: the solve ends, and says so."""
+    """α = r·z / p·A p. Where p·A p < 0 the matrix is indefinite: the solve ends, and says so.
+
+    Where it is 0, p is too small for the numbers there are; where it is not finite, α is no number.
+    """
     w = wp.tid()
     if solves_out.active[w] == 0:
         return
     pap = world_sum(lanes, w, partial)
     alpha = wp.float64(0.0)
-    if pap > wp.float64(0.0):
+    if not wp.isfinite(pap):
+        alpha = wp.float64(wp.NAN)
+    elif pap > wp.float64(0.0):
         alpha = solves_out.rz[w] / pap
-    else:
+    elif pap < wp.float64(0.0):
         solves_out.indefinite[w] = 1
     solves_out.alpha[w] = alpha
 
@@ -197,7 +219,7 @@ def advance(
             r = vector_at(r_out, i) - alpha * vector_at(ap, i)
             put(x_out, i, vector_at(x_out, i) + alpha * vector_at(p, i))
             put(r_out, i, r)
-            rz += wp.float64(wp.dot(r, matrix_at(preconditioner, i) * r))
+            rz += product(r, matrix_at(preconditioner, i) * r)
     partial_out[lane] = rz
 
 
@@ -236,7 +258,7 @@ def judge(
     if k % WINDOW == 0:
         small = small or decrease - solves_out.mark[w] <= square * decrease
         solves_out.mark[w] = decrease
-    if small or solves_out.indefinite[w] == 1 or k >= max_iterations or not rz > wp.float64(0.0):
+    if small or gain == wp.float64(0.0) or k >= max_iterations or not rz > wp.float64(0.0):
         solves_out.active[w] = 0
         wp.atomic_sub(solves_out.remaining, 0, 1)
 

@@ -18,8 +18,8 @@ FADE = wp.constant(0.5)
 @wp.struct
 class Worlds:
     """Newton's method in each world: is it still at work, its iterations, the latest update (root mean square [m/s])
-    with its step length; for the next one the accuracy of the linear solve, whether the matrix is projected, and the
-    update below which it no longer is; totals over all steps; and how many worlds are at work or searching."""
+    with its step length, and the update that is small enough; for the next one the accuracy of the linear solve, and
+    whether the matrix is projected; totals over all steps; and how many worlds are at work or searching."""
 
     active: wp.array(dtype=wp.int32)
     searching: wp.array(dtype=wp.int32)
@@ -27,6 +27,7 @@ class Worlds:
     cg_iterations: wp.array(dtype=wp.int32)
     update: wp.array(dtype=wp.float64)
     step: wp.array(dtype=wp.float64)
+    tolerance: wp.array(dtype=wp.float64)
     forcing: wp.array(dtype=wp.float64)
     project: wp.array(dtype=real)
     mass: wp.array(dtype=wp.float64)
@@ -39,14 +40,42 @@ class Worlds:
 
 
 @wp.kernel
+def reach(
+    # Model
+    thread_offset: int,
+    lanes: Lanes,
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    # Out
+    partial_out: wp.array(dtype=wp.float64),
+):
+    """The largest coordinate [m] of each lane, which tells how positions are rounded."""
+    lane = thread_offset + wp.tid()
+    most = real(0.0)
+    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+        x = particle_q[i]
+        for axis in range(3):
+            most = wp.max(most, wp.abs(x[axis]))
+    partial_out[lane] = wp.float64(most)
+
+
+@wp.kernel
 def start_worlds(
+    # Model
+    lanes: Lanes,
     # State in
     takes_part: wp.array(dtype=wp.int32),
+    partial: wp.array(dtype=wp.float64),
+    tolerance: wp.float64,
+    rounding: wp.float64,
     loosest: wp.float64,
     # Out
     worlds_out: Worlds,
 ):
-    """Worlds at work are those that take part, of the others nothing is touched; ``at_work`` must be 0 before."""
+    """Worlds at work are those that take part, of the others nothing is touched; ``at_work`` must be 0 before.
+
+    Updates [m/s] are small enough below ``tolerance``, or below ``rounding`` [1/s] times the largest coordinate.
+    """
     w = wp.tid()
     worlds_out.active[w] = takes_part[w]
     worlds_out.searching[w] = 0
@@ -58,6 +87,10 @@ def start_worlds(
     worlds_out.update[w] = wp.float64(0.0)
     worlds_out.forcing[w] = loosest
     worlds_out.project[w] = real(1.0)
+    most = wp.float64(0.0)
+    for lane in range(lanes.lane_start[w], lanes.lane_start[w + 1]):
+        most = wp.max(most, partial[lane])
+    worlds_out.tolerance[w] = wp.max(tolerance, rounding * most)
     wp.atomic_add(worlds_out.at_work, 0, 1)
 
 
@@ -188,7 +221,6 @@ def judge_step(
     # State in
     partial: wp.array(dtype=wp.float64),
     solves: Solves,
-    tolerance: wp.float64,
     overshoot: wp.float64,
     shortest: wp.float64,
     # Out
@@ -198,7 +230,7 @@ def judge_step(
 
     A step is taken when its slope is at most ``overshoot`` d; else the zero of the linear slope is tried. With damping
     there is no energy, but the slope is still what must vanish. A step below ``shortest`` is taken as it is, and so is
-    an update within the ``tolerance``, whose slope is rounding.
+    an update within the tolerance, whose slope is rounding. A slope that is no number is too far, like a large one.
     """
     w = wp.tid()
     if worlds_out.searching[w] == 0:
@@ -206,9 +238,12 @@ def judge_step(
     slope = world_sum(lanes, w, partial)
     first = solves.decrease[w]
     step = worlds_out.step[w]
-    matters = worlds_out.update[w] > tolerance
-    if matters and slope > overshoot * first and step > shortest:
-        worlds_out.step[w] = step * wp.clamp(first / (first + slope), wp.float64(0.1), wp.float64(0.5))
+    matters = worlds_out.update[w] > worlds_out.tolerance[w]
+    if matters and not slope <= overshoot * first and step > shortest:
+        shorter = wp.float64(0.1)
+        if wp.isfinite(slope):
+            shorter = wp.clamp(first / (first + slope), wp.float64(0.1), wp.float64(0.5))
+        worlds_out.step[w] = step * shorter
     else:
         worlds_out.searching[w] = 0
         wp.atomic_sub(worlds_out.at_search, 0, 1)
@@ -241,22 +276,24 @@ def prepare_next(worlds_out: Worlds, w: wp.int32, indefinite: wp.int32, loosest:
 def judge_worlds(
     # State in
     solves: Solves,
-    tolerance: wp.float64,
     max_iterations: wp.int32,
     loosest: wp.float64,
     tightest: wp.float64,
     # Out
     worlds_out: Worlds,
 ):
-    """A world is done when a full step of a definite system changed its velocities by no more than the tolerance."""
+    """A world is done when a full step of a definite system changed its velocities by no more than the tolerance.
+
+    One whose velocities are no longer finite gives up.
+    """
     w = wp.tid()
     if worlds_out.active[w] == 0:
         return
     k = worlds_out.iterations[w] + 1
     worlds_out.iterations[w] = k
-    done = worlds_out.step[w] == wp.float64(1.0) and worlds_out.update[w] <= tolerance
+    done = worlds_out.step[w] == wp.float64(1.0) and worlds_out.update[w] <= worlds_out.tolerance[w]
     prepare_next(worlds_out, w, solves.indefinite[w], loosest, tightest)
-    if not done and k < max_iterations:
+    if not done and k < max_iterations and wp.isfinite(worlds_out.update[w]):
         return
     worlds_out.active[w] = 0
     wp.atomic_sub(worlds_out.at_work, 0, 1)

@@ -19,6 +19,26 @@ wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
 
 @wp.kernel
+def ask_to_forget(
+    # State in
+    share: wp.float64,
+    dt: wp.float64,
+    # Out
+    past_dt_out: wp.array(dtype=wp.float64),
+    wanted_out: wp.array(dtype=wp.int32),
+):
+    """1 if springs would be expected to move anything further than in the step before, which was shorter; keeps dt.
+
+    Of worlds that have not stepped yet, with ``past_dt`` 0, there is nothing to forget.
+    """
+    w = wp.tid()
+    past = past_dt_out[w]
+    if past > wp.float64(0.0) and share * dt * dt > past * past:
+        wanted_out[0] = 1
+    past_dt_out[w] = dt
+
+
+@wp.kernel
 def predict(
     # Model
     thread_offset: int,

@@ -277,3 +277,25 @@ def test_energy_of_grabs_is_that_of_those_held_now():
     assert energy() == before
     hand.release()
     assert energy() == 0.0
+
+
+def test_the_tape_begins_again_when_all_is_reset():
+    """With what is held by then, on its way to where it was being led; a tape of before would have times that fall."""
+    model = wc.Model.build([wc.Cloth.grid((0.5, 0.5), (5, 5), pins=["top_left", "top_right"])])
+    sim = wc.Simulation(model, "xpbd", substeps=5)
+    released, held = sim.grab(2), sim.grab(4)
+    sim.run(3)
+    released.release()
+    held.move(held.point + (0.0, 0.1, 0.1))
+    before = sim.tape
+    sim.reset()
+    assert len(before.events) == 4 and sim.tape is not before
+    sim.run(3)
+    held.move(held.point + (0.1, 0.0, 0.1))
+    sim.run(2)
+    again = wc.Simulation(model, "xpbd", substeps=5)
+    player = GrabTape.from_json(sim.tape.to_json()).play(again)
+    for _ in range(5):
+        player.before_frame()
+        again.step(1.0 / 60.0)
+    np.testing.assert_array_equal(again.state.particle_q.numpy(), sim.state.particle_q.numpy())

@@ -185,3 +185,21 @@ def test_a_step_whose_forces_overflow_leaves_nothing_behind_in_those_that_follow
     sim.step(0.01)
     assert sim.metrics()["rejected_steps"] > 2
     np.testing.assert_allclose(sim.state.particle_q.numpy()[1], [1.0, 0.0, 0.0], atol=1e-3)
+
+
+@pytest.mark.filterwarnings("ignore::warpcloth.errors.StabilityWarning")  # forward Euler has no stable step here
+@pytest.mark.parametrize("name", NAMES)
+def test_it_does_not_show_where_frames_end(name):
+    """Not even in what bending with hysteresis remembers from step to step."""
+    fabric = wc.Fabric(
+        stretch_stiffness=20.0, shear_stiffness=5.0, bending_rigidity=1e-5, bending_hysteresis=1e-3, damping_time=0.0
+    )
+    model = wc.Model.build([wc.Cloth.grid((0.3, 0.3), (6, 6), fabric, pins="top_left")], precision="float64")
+    model.particle_q.assign(model.particle_q.numpy() + 0.01 * np.random.default_rng(0).normal(size=(36, 3)))
+    ends = []
+    for substeps in (1, 20):
+        sim = wc.Simulation(model, name, substeps=substeps, contact="none")
+        for _ in range(60 // substeps):
+            sim.step(1e-4 * substeps)
+        ends.append(np.hstack([sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()]))
+    np.testing.assert_array_equal(ends[0], ends[1])

@@ -281,3 +281,16 @@ def test_single_steps_take_over_springs_that_changed(name):
             sim.substep(wrong)
         with pytest.raises(InputError, match=r"^Dt must be"):
             sim.substeps_for(wrong)
+
+
+def test_automatic_substeps_know_what_springs_are_like_when_all_is_reset():
+    model = wc.Model.build([wc.Cloth.grid((0.5, 0.5), (5, 5), pins="top_left")])
+    sim = wc.Simulation(model, "symplectic_euler")
+    sim.step(1.0 / 60.0)
+    first = sim.substeps
+    model.spring_stiffness.assign(100.0 * model.spring_stiffness.numpy())
+    model.spring_damping.assign(100.0 * model.spring_damping.numpy())
+    sim.reset()
+    sim.run(5)
+    assert sim.substeps > 5 * first
+    assert sim.metrics()["max_strain"] < 0.1

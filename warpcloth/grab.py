@@ -66,8 +66,20 @@ class Grab:
     def __init__(self, simulation: Grabbable, grabs: Grabs, hold: Hold, target: np.ndarray):
         self._simulation, self._grabs, self.hold = simulation, grabs, hold
         self._slot: int | None = grabs.take(hold, target)
-        self.number = simulation.tape.taken
-        simulation.tape.record(simulation.time, self.number, "take", target, hold)
+        self.number = 0
+        self.tape_take(simulation.tape, simulation.time, target)
+
+    def tape_take(self, tape: "GrabTape", time: float, target: Any) -> None:
+        """Records that it takes hold at ``time`` [s], of a point then led to ``target`` [m]."""
+        self.number = tape.taken
+        tape.record(time, self.number, "take", target, self.hold)
+        tape.hands.append(self)
+
+    def tape_again(self, tape: "GrabTape") -> None:
+        """Records on a tape that begins at 0 s what it holds by then, and where that is being led; none if released."""
+        if self._slot is not None:
+            self.tape_take(tape, 0.0, self._grabs.place(self._slot))
+            tape.record(0.0, self.number, "move", self.target)
 
     @property
     def held(self) -> bool:
@@ -117,10 +129,12 @@ class GrabTape:
 
     Attributes:
         events: the acts.
+        hands: what was taken hold of, while this was the tape of a simulation.
     """
 
     def __init__(self, events: Sequence[GrabEvent] = ()):
         self.events = list(events)
+        self.hands: list[Grab] = []
 
     @property
     def taken(self) -> int:
@@ -135,6 +149,13 @@ class GrabTape:
         if last is not None and act == "move" and (last.time, last.number, last.act) == (time, number, "move"):
             self.events.pop()
         self.events.append(event)
+
+    def begun_again(self) -> "GrabTape":
+        """A tape from 0 s on, of the hands that still hold something."""
+        tape = GrabTape()
+        for hand in self.hands:
+            hand.tape_again(tape)
+        return tape
 
     def to_json(self) -> str:
         """The tape as text."""

@@ -39,8 +39,8 @@ class Simulation:
         integrator: name of the scheme, see ``warpcloth.integrators()``.
         integrator_options: keyword options of the scheme, such as iteration counts.
         gravity: acceleration [m/s²], shape [3], or one per world, shape [world_count, 3].
-        substeps: integrator steps per call of :meth:`step`, or "auto": as few as are stable, and for implicit schemes
-            and ``xpbd`` with contact as keep cloth from moving by more than a part of a cell at once.
+        substeps: integrator steps per call of :meth:`step`, or "auto": as few as are stable for the model as it is when
+            it starts, and with contact as keep cloth from moving by more than a part of a cell in some schemes' steps.
         contact: "obstacles", "all" (cloth with itself, other cloth and the edges of obstacles, too), or "none".
         air: the :class:`Air` that triangles of cloth move through, or one per world; None: a vacuum.
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
@@ -170,8 +170,8 @@ class Simulation:
     def reset(self, worlds: Any = None) -> None:
         """Puts worlds back to their start: particles, clock, and what schemes and forces remember.
 
-        Launches kernels only, but for ``check``, which reads the mask. ``time`` goes on, for it is that of no world;
-        without ``worlds`` it goes back to 0, too.
+        Launches kernels only, but for ``check``, which reads the mask. ``time`` goes on, for it is that of no world.
+        Without ``worlds`` all starts again: ``time`` at 0, another ``tape``, automatic substeps for the model as it is.
 
         Args:
             worlds: which ones: bool, shape [world_count], a Warp array on the model's device or anything like one;
@@ -184,7 +184,7 @@ class Simulation:
         self._reset.apply(mask, self._memory)
         if worlds is None:
             self.integrator.reset()
-            self.time = 0.0
+            self.time, self.tape, self._auto_step = 0.0, self.tape.begun_again(), 0.0
         if self.check and not self.model.device.is_capturing:
             self.lookout.rest_since[mask.numpy()] = np.inf
 

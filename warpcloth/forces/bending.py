@@ -129,9 +129,10 @@ class Bending:
         return {"bend_law": self.elements.law, "bend_friction": self.elements.friction}
 
     def advance(self, state: State) -> None:
-        """The end of a step: ``slip`` follows to ``state``."""
+        """The end of a step: ``slip`` follows to ``state``, where the force is another one from then on."""
         if not self.slips:
             return
+        state.forces_current = False  # the friction of an element that bends another way turns with its slip
         if self._lanes is not None:
             self._lanes.advance(state, self.slip)
         self._launch_left(self.model.kernels.bending.advance_slip, [state.particle_q], self.slip)

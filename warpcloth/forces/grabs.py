@@ -92,6 +92,10 @@ class Grabs:
         self.targets[slot] = self._before[slot] = target
         return slot
 
+    def place(self, slot: int) -> np.ndarray:
+        """Where the target of a slot is now [m], from where it goes on to that in ``targets``."""
+        return self._before[slot].copy()
+
     def free(self, slot: int) -> None:
         """Lets go."""
         self.holds[slot] = None

@@ -51,6 +51,7 @@ def xpbd_step(recording: Recording, scheme: Xpbd, model: Model, start: State, en
     """Parts of a sweep are solved in place, one after the other."""
     again = copy.copy(scheme)
     again.inertial, again.displacement = (wp.zeros_like(scheme.inertial, requires_grad=True) for _ in range(2))
+    scheme.forget_shorter(model, dt)
     with recording:
         recording.forces.evaluate(start, without=again.solved_forces)
         again.predict(model, start, end, dt)

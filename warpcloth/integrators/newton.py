@@ -25,13 +25,12 @@ ROUNDING = 8.0  # positions that are off by so many units in the last place cann
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """One stage: where it is solved, of which forces, γ [s], when [s after the start], how accurately [m/s]."""
+    """One stage: where it is solved, of which forces, γ [s], when [s after the start]."""
 
     state: State
     forces: Forces
     gamma: float
     time: float
-    tolerance: float
     matrix: Linearization
 
 
@@ -45,7 +44,8 @@ class Newton:
     Args:
         model: the model.
         tolerance: root mean square of the last velocity update [m/s], weighted by mass; None is 1e-10 in float64 and
-            1e-3 in float32. What the rounding of positions allows, about 1e-6 of their size per γ, is its lower limit.
+            1e-3 in float32. What the rounding of positions allows, about 1e-6 of the largest coordinate of a world per
+            γ in float32, is its lower limit.
         max_iterations: Newton iterations after which a world gives up, which :meth:`metrics` reports.
         cg_tolerance: error of a linear solve relative to its solution, once the matrix is not projected; None is 1e-3
             in float64 and 0.1 in float32.
@@ -78,8 +78,7 @@ class Newton:
         self.position_base, self.velocity_base, self._start, self._residual = (
             wp.zeros_like(model.particle_q) for _ in range(4)
         )
-        reach = float(np.abs(model.particle_q.numpy()).max(initial=0.0))
-        self._rounding = ROUNDING * reach * float(np.finfo(np.float64 if double else np.float32).eps)
+        self._rounding = ROUNDING * float(np.finfo(np.float64 if double else np.float32).eps)
 
     def solve(
         self, stage: State, forces: Forces, gamma: float, time_offset: float, takes_part: wp.array | None = None
@@ -92,13 +91,15 @@ class Newton:
         model, worlds = self.model, self.worlds
         fill(worlds.at_work)
         taking_part = self._everywhere if takes_part is None else takes_part
-        self._launch("start_worlds", model.world_count, [taking_part, LOOSEST], [worlds])
+        self._launch("reach", self.cg.lane_count, [self.cg.lanes, stage.particle_q], [self.cg.partial])
+        limits = [self.tolerance, self._rounding / gamma, LOOSEST]
+        inputs = [self.cg.lanes, taking_part, self.cg.partial, *limits]
+        self._launch("start_worlds", model.world_count, inputs, [worlds])
         place = [model.particle_inv_mass, self.position_base, gamma]
         self._launch("place", model.particle_count, place, [stage.particle_q, stage.particle_qd])
         drive_pins(model, stage.world_time, time_offset, stage.particle_q, stage.particle_qd)
         matrix = Linearization(stage, gamma * gamma, gamma, worlds.project)
-        tolerance = max(self.tolerance, self._rounding / gamma)
-        problem = _Problem(stage, forces, gamma, time_offset, tolerance, matrix)
+        problem = _Problem(stage, forces, gamma, time_offset, matrix)
         self._evaluate(problem)
         repeat_while(worlds.at_work, lambda: self._iterate(problem))
 
@@ -125,7 +126,7 @@ class Newton:
         fill(worlds.at_search)
         self._launch("start_search_worlds", model.world_count, [cg.lanes, cg.partial, cg.solves], [worlds])
         repeat_while(worlds.at_search, lambda: self._attempt(problem))
-        limits = [problem.tolerance, self.max_iterations, LOOSEST, self.cg_tolerance]
+        limits = [self.max_iterations, LOOSEST, self.cg_tolerance]
         self._launch("judge_worlds", model.world_count, [cg.solves, *limits], [worlds])
 
     def _attempt(self, problem: _Problem) -> None:
@@ -135,7 +136,7 @@ class Newton:
         inputs = [model.particle_inv_mass, model.particle_world, worlds, *vectors, problem.gamma]
         self._launch("attempt", model.particle_count, inputs, [state.particle_q, state.particle_qd])
         self._evaluate(problem)
-        inputs = [cg.lanes, cg.partial, cg.solves, problem.tolerance, OVERSHOOT, SHORTEST_STEP]
+        inputs = [cg.lanes, cg.partial, cg.solves, OVERSHOOT, SHORTEST_STEP]
         self._launch("judge_step", model.world_count, inputs, [worlds])
 
     def _evaluate(self, problem: _Problem) -> None:
@@ -155,7 +156,7 @@ def _make_worlds(model: Model, kernels: Any) -> Any:
     groups = [
         (wp.int32, ("active", "searching", "iterations", "cg_iterations", "converged", "failures")),
         (wp.int64, ("newton_total", "cg_total")),
-        (wp.float64, ("update", "step", "forcing")),
+        (wp.float64, ("update", "step", "tolerance", "forcing")),
         (model.real, ("project",)),
     ]
     for dtype, names in groups:

@@ -19,7 +19,8 @@ class Pbd(PositionStep):
 
     Each sweep moves the ends of every spring by a share ``stiffness`` of what restores its rest length; the fabric's
     k_s and k_d are not used. With n sweeps of share s per step of h, one spring behaves as if its k_s/r were
-    ((1 − s)⁻ⁿ − 1)/(h² (1/m_p + 1/m_q)): half the step, or twice the mass resolution, make another cloth.
+    ((1 − s)⁻ⁿ − 1)/(h² (1/m_p + 1/m_q)): half the step, or twice the mass resolution, make another cloth. A step much
+    shorter than the one before throws cloth about, as what that left unsolved becomes speed in it.
 
     Args:
         model: the model.

@@ -13,7 +13,7 @@ from ..cloth.springs import triangle_areas
 from ..fabric import STANDARD_GRAVITY
 from ..forces import Forces
 from ..kinematics import drive_pins
-from ..launching import fill, launch
+from ..launching import fill, launch, only_if
 from ..model import ClothRange, Model
 from ..state import Memory, State
 from .base import Integrator
@@ -32,7 +32,8 @@ class PositionStep(Integrator):
     δ̂ = h v + h² f/m holds gravity and all forces but ``solved_forces``, evaluated at the start of the step. Woven
     triangles that a scheme does not solve for are among them, and limit its step. Bending does not: where it would, its
     force is smoothed (``kernels/bending_filter.py``), but in differentiable models. The solution begins at δ̂ plus the
-    share ``warm_start`` of what springs did in the previous step.
+    share ``warm_start`` of what springs did in the previous step; but if it is so much longer than that one that this
+    would be further than they went in it, at δ̂ alone: what moves to and fro in short steps does not go on in long ones.
     """
 
     implicit = True
@@ -54,6 +55,10 @@ class PositionStep(Integrator):
 
         expects = self.warm_start > 0.0 or model.differentiable  # adjoints do not ask whether there is an array
         self.displacement, self.spring_acceleration = vectors(True), vectors(expects)
+        self._past_dt = wp.zeros(
+            model.world_count if expects else 0, wp.float64, model.device, requires_grad=model.differentiable
+        )
+        self._forgets = wp.zeros(1, dtype=wp.int32, device=model.device)
         self.inertial = vectors(expects or self.needs_inertial)
         smooths = model.bend_count > 0 and not model.differentiable
         self._bending_filter = BendingFilter(model) if smooths else None
@@ -65,8 +70,18 @@ class PositionStep(Integrator):
         if self._bending_filter is not None:  # none of these arrays is in use yet
             scratch = (self.displacement, state_out.particle_q, state_out.particle_qd, state_out.particle_f)
             self._bending_filter.accumulate(state_in, forces, dt, scratch)
+        self.forget_shorter(model, dt)
         self.predict(model, state_in, state_out, dt)
         self.finish(model, state_in, state_out, self._solve(model, state_in, forces, dt), dt)
+
+    def forget_shorter(self, model: Model, dt: float) -> None:
+        """Before a step: forgets what springs did in one that was much shorter, if any of it is expected again."""
+        if self.warm_start == 0.0:
+            return
+        fill(self._forgets)
+        kernel, outputs = model.kernels.position_step.ask_to_forget, [self._past_dt, self._forgets]
+        launch(kernel, model.world_count, [self.warm_start, dt], outputs, model.device)
+        only_if(self._forgets, self._forget_springs)
 
     def predict(self, model: Model, state_in: State, state_out: State, dt: float) -> None:
         """δ̂ of all particles; pins where they will be."""
@@ -100,14 +115,19 @@ class PositionStep(Integrator):
         )
 
     def reset(self) -> None:
-        """Forgets the spring forces of the previous step."""
+        """Forgets the previous step."""
         if len(self.spring_acceleration):
-            fill(self.spring_acceleration)
+            fill(self._past_dt)
+            self._forget_springs()
 
     def memory(self) -> Sequence[Memory]:
-        """What springs did in the previous step, if any of it is expected again."""
+        """What springs did in the previous step, and its length, if any of it is expected again."""
         count = len(self.spring_acceleration)
-        return [Memory(self.spring_acceleration, np.arange(count))] if count else []
+        return [Memory(self.spring_acceleration, np.arange(count)), Memory(self._past_dt, None)] if count else []
+
+    def _forget_springs(self) -> None:
+        """All that is kept of what springs did; launches only."""
+        fill(self.spring_acceleration)
 
     @abstractmethod
     def _solve(self, model: Model, state_in: State, forces: Forces, dt: float) -> wp.array:

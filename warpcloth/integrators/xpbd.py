@@ -107,9 +107,8 @@ class Xpbd(PositionStep):
         for own in (*self.sweeps, *self.spans):
             own.read_springs()
 
-    def reset(self) -> None:
-        """Forgets the spring forces of the previous step."""
-        super().reset()
+    def _forget_springs(self) -> None:
+        super()._forget_springs()
         for sweep in self.sweeps:
             sweep.reset()
         fill(self._triangle_force)
