@@ -117,10 +117,13 @@ class GrabTape:
 
     Attributes:
         events: the acts.
+
+    Raises:
+        InputError: what was given are no acts.
     """
 
     def __init__(self, events: Sequence[GrabEvent] = ()):
-        self.events = list(events)
+        self.events = validate.instances(events, GrabEvent, "events")
 
     @property
     def taken(self) -> int:

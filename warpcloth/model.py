@@ -293,6 +293,6 @@ def find_device(device: Any) -> wp.Device:
     """
     try:
         return wp.get_device(device)
-    except (ValueError, RuntimeError) as error:
+    except (ValueError, RuntimeError, TypeError) as error:
         names = ", ".join(str(d) for d in wp.get_devices())
-        raise InputError(f"Device '{device}' is not available; this machine has: {names}.") from error
+        raise InputError(f"Device {validate.shown(device)} is not available; this machine has: {names}.") from error

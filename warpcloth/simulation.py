@@ -26,7 +26,7 @@ from .recording import missed_pairs, recordable_substeps
 from .state import Memory, State
 from .stopwatch import Stopwatch
 from .untangle import untangle
-from .worlds import WorldReset, take_worlds, world_mask
+from .worlds import WorldReset, take_worlds, world_mask, worlds_to_keep
 
 MAX_SUBSTEPS = 100_000
 
@@ -219,11 +219,11 @@ class Simulation:
 
     def run(self, frames: int, fps: float = 60.0, on_frame: Callable[["Simulation", int], None] | None = None) -> None:
         """``frames`` frames of 1/fps [s]; ``on_frame(simulation, number)`` after each, numbers from 1."""
-        dt = 1.0 / validate.number(fps, "fps", above=0.0)
+        dt = 1.0 / validate.number(fps, "fps", minimum=1e-3)
+        look = validate.function(on_frame, "on_frame") or (lambda *_: None)
         for number in range(1, validate.integer(frames, "frames", minimum=0, maximum=10**9) + 1):
             self.step(dt)
-            if on_frame is not None:
-                on_frame(self, number)
+            look(self, number)
 
     @launches
     def grab(self, what: Any, stiffness: float | None = None) -> Grab:
@@ -283,9 +283,9 @@ class Simulation:
 
         Args:
             other: a simulation with the same options, between two frames.
-            worlds: of which worlds of ``other`` this model has the cloths and obstacles, in rising order.
+            worlds: which worlds of ``other`` this model has, in rising order; what cannot be so is an ``InputError``.
         """
-        keep = list(worlds)
+        keep = worlds_to_keep(self, validate.instance(other, Simulation, "Simulation"), worlds)
         for mine, theirs in zip(self._memories(), other._memories(), strict=True):
             # What a scheme or a force keeps may be in fewer arrays here: the last ones were of other worlds.
             take_worlds(self.state, mine, other.model, other.state, theirs, keep)

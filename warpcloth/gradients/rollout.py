@@ -67,7 +67,7 @@ class Rollout:
         check_differentiable(simulation)
         self.simulation, self.model = simulation, simulation.model
         self.frames = validate.integer(frames, "frames", minimum=1, maximum=10**9)
-        self._frame_dt = 1.0 / validate.number(fps, "fps", above=0.0)
+        self._frame_dt = 1.0 / validate.number(fps, "fps", minimum=1e-3)
         self.substeps = simulation.substeps_for(self._frame_dt)
         self.steps, self._dt = self.frames * self.substeps, self._frame_dt / self.substeps
         self.segment = math.isqrt(self.steps - 1) + 1
