@@ -1,4 +1,4 @@
-"""Streams as shells, pipes and other systems hand them over: closed, full, or without most characters; and quiet ones."""
+"""Streams as shells, pipes and other systems hand them over: closed, full, without most characters; and kept quiet."""
 
 import json
 import os
