@@ -27,6 +27,11 @@ def network(**changes):
     return wc.Model.from_springs([[0, 0, 0], [1, 0, 0]], springs=[[0, 1]], **usual)
 
 
+class Forgetful(wc.Hook):
+    def memory(self):
+        return None
+
+
 def simulation(**options):
     return wc.Simulation(wc.Model.build(CLOTH, device="cpu"), "xpbd", substeps=2, **options)
 
@@ -62,6 +67,9 @@ MISTAKES = {
     "no function for frames": lambda: simulation().run(0, on_frame=3),
     "frames longer than steps may be": lambda: simulation().run(1, fps=5e-4),
     "an uneven mask": lambda: simulation().reset(UNEVEN),
+    "a force of another model": lambda: simulation(forces=[wc.AppliedForce(wc.Model.build(CLOTH, device="cpu"))]),
+    "a memory that is none": lambda: simulation(hooks=[Forgetful()]),
+    "obstacles beside a function": lambda: VectorEnv(lambda world: ([CLOTH], []), [wc.Plane()], worlds=1),
     "a tape of numbers": lambda: wc.GrabTape([1, 2]),
     "going on with another thing": lambda: simulation().continue_from(3, [0]),
     "going on with worlds that are not there": lambda: simulation().continue_from(simulation(), [1]),

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import warp as wp
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .cloth import Cloth
 
 YARNS = 4  # of a woven triangle: warp, weft, ±45°
+Thing = TypeVar("Thing")
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 
 
@@ -270,6 +271,19 @@ class Model:
         self.moving_pins = MovingPins.of(pins, self.device)
         self.led_pins = LedPins.of(np.zeros(0), self.particle_q)
         self.shapes = CollisionShapes(self.kernels, rows, self.world_count, self.device)
+
+
+def of_model(model: Model, things: list[Thing]) -> list[Thing]:
+    """Hooks and forces, which launch as many threads as their own model has particles.
+
+    Raises:
+        InputError: one was made for another model.
+    """
+    for thing in things:
+        other = getattr(thing, "model", model)
+        if isinstance(other, Model) and other is not model:
+            raise InputError(f"{type(thing).__name__} was made for another model; make one for the model simulated.")
+    return things
 
 
 def incident_rows(elements: np.ndarray, particle_count: int) -> tuple[np.ndarray, np.ndarray]:

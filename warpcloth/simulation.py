@@ -21,7 +21,7 @@ from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
 from .launching import copy, launch, launches, records
 from .lookout import Lookout
-from .model import Model
+from .model import Model, of_model
 from .recording import missed_pairs, recordable_substeps
 from .state import Memory, State
 from .stopwatch import Stopwatch
@@ -92,8 +92,8 @@ class Simulation:
         threads: int | None = None,
     ):
         self.model = validate.instance(model, Model, "Model")
-        self.hooks = validate.instances(hooks, Hook, "hooks")
-        own = validate.instances(forces, UserForce, "forces")
+        self.hooks = of_model(model, validate.instances(hooks, Hook, "hooks"))
+        own = of_model(model, validate.instances(forces, UserForce, "forces"))
         self.integrator = make_integrator(integrator, model, integrator_options)
         self.watch = Stopwatch(model.device, validate.flag(profile, "profile"))
         replay = validate.flag(graph, "graph") and self.integrator.capturable and not self.watch.active
@@ -114,7 +114,7 @@ class Simulation:
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other = self.state.twin()
-        hooked = [hook.memory() for hook in self.hooks]
+        hooked = [validate.instances(hook.memory(), Memory, f"memory of {type(hook).__name__}") for hook in self.hooks]
         self._memory = [item for own in (*self._memories(), *hooked) for item in own]
         self._backup = Backup(self.state, self._memory, self.integrator, self.contact, self._frames)
         self._auto = isinstance(substeps, str)

@@ -74,7 +74,9 @@ class Rollout:
         if segment is not None:
             self.segment = validate.integer(segment, "segment", minimum=1, maximum=self.steps)
         self.parameters = find_parameters(simulation)
-        numbers = range(1, self.frames + 1) if observe is None else validate.array(observe, "observe", (None,), int)
+        numbers = (
+            range(1, self.frames + 1) if observe is None else validate.array(observe, "observe", (None,), int).tolist()
+        )
         wanted = [validate.integer(k, "observe", minimum=1, maximum=self.frames) for k in numbers]
         if not wanted or wanted != sorted(set(wanted)):
             raise InputError(f"observe must be frame numbers in rising order, at least one, got {wanted}.")
