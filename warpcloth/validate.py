@@ -156,7 +156,7 @@ def listed(values: Any) -> list[Any]:
 
 def texts(values: Any, what: str) -> list[str]:
     """A list of texts; one text alone is no list of its letters."""
-    items = [None] if isinstance(values, str | bytes) else listed(values)
+    items: list[Any] = [None] if isinstance(values, str | bytes) else listed(values)
     if not all(isinstance(item, str) for item in items):
         raise InputError(f"{sentence(what)} must be a list of texts, got {shown(values)}.")
     return items
