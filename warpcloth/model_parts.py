@@ -69,7 +69,7 @@ def pairs_of_worlds(worlds: Any) -> "list[tuple[list[Cloth], list[Obstacle]]]":
     Raises:
         InputError: there is none, or one is no such pair.
     """
-    items = validate.listed(worlds)
+    items = [item for item in validate.listed(worlds) if item is not worlds]  # one thing alone is no list of worlds
     if not items:
         raise InputError(
             f"A model needs a list of at least one world, (cloths, obstacles), got {validate.shown(worlds)}."
