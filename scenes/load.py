@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from warpcloth.errors import SceneError
-from warpcloth.validate import is_utf8
+from warpcloth.validate import is_utf8, texts
 
 from .overrides import apply_overrides, shorten
 from .schema import Scene, explain, suggest
@@ -45,10 +45,11 @@ def load_scene(
         SceneError: There is no such scene, or it is not valid; the message says where and what would be right.
         UsdError: The stage cannot be read.
     """
-    path = find_scene(name_or_path)
+    path, overrides = find_scene(name_or_path), texts(overrides, "overrides")
+    prims = {"cloth": texts(cloth, "cloth"), "collider": texts(collider, "collider")}
     if path.suffix in STAGES:
-        return _scene_of_stage(path, overrides, {"cloth": list(cloth), "collider": list(collider)})
-    if cloth or collider:
+        return _scene_of_stage(path, overrides, prims)
+    if any(prims.values()):
         raise SceneError(f"{path.name} is not a USD stage, so no prims of it can be chosen as cloth or collider")
     try:
         text = read_text(path)

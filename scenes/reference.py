@@ -9,6 +9,8 @@ from typing import Any, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
+from warpcloth.fabric import Fabric
+
 from .load import bundled_scenes, load_scene
 from .schema.air import AirTable
 from .schema.cloth import CLOTHS, InflationTable
@@ -96,20 +98,21 @@ def _sentence(table: type[Table]) -> str:
 
 def _rows(fields: dict[str, FieldInfo]) -> str:
     head = "| field | value | default | meaning |\n|---|---|---|---|"
-    return "\n".join([head, *(_row(name, info) for name, info in fields.items())])
+    usual = vars(Fabric()) if fields is FabricTable.model_fields else {}
+    return "\n".join([head, *(_row(name, info, usual.get(name)) for name, info in fields.items())])
 
 
-def _row(name: str, info: FieldInfo) -> str:
-    cells = [f"`{name}`", _kind(info.annotation, info.metadata), _default(info), info.description or ""]
+def _row(name: str, info: FieldInfo, usual: Any) -> str:
+    """A field; ``usual`` is what it has where a scene says nothing, if the schema leaves that to the simulator."""
+    cells = [f"`{name}`", _kind(info.annotation, info.metadata), _default(info, usual), info.description or ""]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def _default(info: FieldInfo) -> str:
+def _default(info: FieldInfo, usual: Any) -> str:
     if info.is_required():
         return "required"
-    if info.default is None or isinstance(info.default, Table):
-        return "–"
-    return f"`{_toml(info.default)}`"
+    value = usual if info.default is None else info.default
+    return "–" if value is None or isinstance(value, Table) else f"`{_toml(value)}`"
 
 
 def _toml(value: Any) -> str:

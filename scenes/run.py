@@ -12,7 +12,7 @@ from warpcloth.diagnostics import penetration_depths
 from warpcloth.intersections import Triangles
 from warpcloth.model import YARNS
 from warpcloth.simulation import Simulation
-from warpcloth.validate import choice
+from warpcloth.validate import choice, file_path, function
 
 from .built import BuiltScene, by_cloth, make_model, make_simulation
 from .interrupt import stop_on_interrupt
@@ -33,7 +33,7 @@ def simulate(
     frames: int | None = None,
     integrator: str | None = None,
     substeps: int | str | None = None,
-    device: str | None = None,
+    device: str | wp.Device | None = None,
     precision: str | None = None,
     check: str = "last",
     profile: bool = False,
@@ -53,7 +53,7 @@ def simulate(
         frames: Frames to simulate; by default as many as the scene says. Likewise the following.
         integrator: Name of the integrator.
         substeps: Integration steps per frame, or ``"auto"``.
-        device: Warp device, e.g. ``"cpu"`` or ``"cuda:0"``; ``"auto"`` for Warp's default.
+        device: Warp device or its name, e.g. ``"cpu"`` or ``"cuda:0"``; ``"auto"`` for Warp's default.
         precision: ``"float32"`` or ``"float64"``.
         check: "every" counts intersections and measures penetration at every frame, "last" at the last one only.
         profile: Time the stages of each frame, which costs time itself.
@@ -71,14 +71,16 @@ def simulate(
     options |= {
         f"simulation.{key}": value
         for key, value in (
-            ("integrator", integrator), ("substeps", substeps), ("device", device), ("precision", precision)
+            ("integrator", integrator), ("substeps", substeps), ("precision", precision),
+            ("device", str(device) if isinstance(device, wp.Device) else device),
         )
     }  # fmt: skip
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
     chosen = loaded.changed({key: value for key, value in options.items() if value is not None})
     every = choice(check, ("every", "last"), "check") == "every"
     usual = f"{chosen.name}.usdc" if chosen.stage is None else f"{chosen.name}_sim.usda"
-    path = Path(usual if output is None else output)
+    path = file_path(usual if output is None else output, "output")
+    function(on_frame, "on_frame")
     return _Run(chosen, path, every, profile=profile, untangled=untangle, threads=threads).result(on_frame)
 
 

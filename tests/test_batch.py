@@ -312,6 +312,14 @@ def test_a_preview_is_a_picture_of_the_last_frame(tmp_path, monkeypatch):
         load_sweep(tmp_path / "sweep.toml", ["outputs=['preview']"])
 
 
+def test_indexing_says_nothing_of_drivers_and_displays(alone):
+    environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
+    command = [sys.executable, "-m", "warpcloth", "batch", "index", str(alone.path)]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    assert "contact_sheet.png" in done.stdout
+    assert done.stderr == ""
+
+
 def test_batches_need_no_library_of_pictures():
     code = """
 import sys

@@ -1,5 +1,6 @@
 """What the READMEs say can be done can be done."""
 
+import json
 import re
 import runpy
 import subprocess
@@ -41,6 +42,15 @@ def test_the_first_command_runs(tmp_path, monkeypatch):
     (check,) = re.findall(r"`(warpcloth check .*?)`", text)
     assert run([*simulate.split()[1:], "--frames", "2"]) == 0
     assert run(check.split()[1:]) == 0
+
+
+def test_the_first_scene_takes_the_steps_that_the_text_says(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    path = REPOSITORY / "scenes" / "README.md"
+    (tmp_path / "my_scene.toml").write_text(blocks(path, "toml")[0], encoding="utf-8")
+    assert run(["simulate", "my_scene.toml", "--frames", "1", "--json"]) == 0
+    taken = json.loads(capsys.readouterr().out)["substeps"]
+    assert f"steps a frame instead of {taken}." in " ".join(path.read_text(encoding="utf-8").split())
 
 
 def test_the_kernel_variant_example_runs(capsys):

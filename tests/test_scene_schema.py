@@ -1,12 +1,13 @@
 """Scene files: what a valid one becomes, and what an invalid one is told."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import warpcloth.scenes
 from warpcloth.scenes import Scene, bundled_scenes, load_scene, scene_from_toml
-from warpcloth.scenes.reference import refreshed
+from warpcloth.scenes.reference import field_tables, refreshed
 from warpcloth.scenes.schema.fabric import FabricTable
 
 from warpcloth import errors, obstacles
@@ -303,3 +304,12 @@ def test_a_lathe_turns_its_outline_about_the_axis(outline):
 def test_a_lathe_takes_an_outline_on_one_side_of_its_axis():
     with pytest.raises(errors.SceneError, match="one side of the axis"):
         scene_from_toml(GRID + '[[obstacle]]\nshape = "lathe"\noutline = [[0, 0], [-1, 0], [0, 1]]\n')
+
+
+def test_the_defaults_of_fabrics_in_the_reference_are_what_cloth_gets():
+    """The schema leaves them to the simulator, so the reference asks that."""
+    (cloth,) = scene_from_toml('[[cloth]]\nshape = "grid"\n').cloth
+    fabric = cloth.fabric.build()
+    rows = dict(re.findall(r"^\| `(\w+)` \|[^|]*\| `([^`]*)` \|", field_tables().split("### `fabric`")[1], flags=re.M))
+    for name in ("areal_density", "stretch_stiffness", "bend_stiffness", "damping_time", "air_friction"):
+        assert float(rows[name]) == getattr(fabric, name)

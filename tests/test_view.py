@@ -1,6 +1,7 @@
 """What the pages show, without a browser: the session behind them, the timeline, the command."""
 
 import json
+import socket
 import time
 
 import numpy as np
@@ -12,6 +13,7 @@ from warpcloth.scenes import check_cache, scene_from_toml
 from warpcloth.cli import run
 from warpcloth.cli.view import check_host
 from warpcloth.view.player import Player
+from warpcloth.view.server import free_port
 from warpcloth.view.session import Session
 
 MIDDLE = ((0.0, -3.0, 0.8), (0.0, 1.0, 0.0))  # a ray to the middle of the cloth
@@ -149,6 +151,10 @@ def test_a_recording_passes_the_check(session, tmp_path):
         (["hanging", "--host", "0.0.0.0"], "0.0.0.0 can be reached from other machines; add --public"),
         (["hangin"], "there is no scene 'hangin'"),
         (["none.usdc"], "Cannot read none.usdc: there is no such file."),
+        (["hanging", "--port", "99999"], "Port must be a whole number from 1 to 65535, got 99999."),
+        (["hanging", "--port", "-1"], "Port must be a whole number from 1 to 65535, got -1."),
+        (["hanging", "--host", "a..b", "--public"], "A page cannot be at the address 'a..b':"),
+        (["hanging", "--host", "192.0.2.1", "--public"], "A page cannot be at the address '192.0.2.1':"),
     ],
 )
 def test_mistakes(options, sentence, capfd):
@@ -185,6 +191,14 @@ def test_another_address_needs_a_flag_and_prints_a_warning(capfd):
     assert capfd.readouterr().err == ""
     check_host("0.0.0.0", public=True)
     assert "whoever reaches 0.0.0.0 sees this page, can stop the simulation" in capfd.readouterr().err
+
+
+def test_a_page_takes_the_next_port_that_is_free():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert port < free_port("127.0.0.1", port) < port + 1000
 
 
 def test_a_timeline():

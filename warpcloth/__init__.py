@@ -20,7 +20,7 @@ from .model import Model
 from .motion import Motion
 from .obstacles import Box, Capsule, MeshObstacle, Plane, Sphere
 from .simulation import Simulation
-from .state import State
+from .state import Memory, State
 
 __version__ = "0.1.0"
 
@@ -28,7 +28,7 @@ _SCENE_LAYER = ("load_scene", "simulate")
 
 __all__ = [
     "Air", "AppliedForce", "Box", "Capsule", "Cloth", "ContactPlanes", "Fabric", "Grab", "GrabTape", "Hook",
-    "Inflation", "MeshObstacle", "Model", "Motion", "Plane", "Simulation", "Sphere", "State", "UserForce",
+    "Inflation", "Memory", "MeshObstacle", "Model", "Motion", "Plane", "Simulation", "Sphere", "State", "UserForce",
     "WarpclothError", "errors", "fabrics", "integrators", "library_fabric", "load_scene", "pin", "pin_box",
     "pin_nearest", "simulate",
 ]  # fmt: skip

@@ -55,6 +55,6 @@ def world_gravity(model: Model, gravity: Any) -> wp.array:
     Raises:
         InputError: another shape, or not finite.
     """
-    shape = (model.world_count, 3) if np.ndim(gravity) == 2 else (3,)
+    shape = (model.world_count, 3) if validate.axes(gravity) == 2 else (3,)
     values = validate.array(gravity, "gravity", shape)
     return model.array(np.broadcast_to(values, (model.world_count, 3)), model.vec3)

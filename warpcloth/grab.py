@@ -130,10 +130,13 @@ class GrabTape:
     Attributes:
         events: the acts.
         hands: what was taken hold of, while this was the tape of a simulation.
+
+    Raises:
+        InputError: what was given are no acts.
     """
 
     def __init__(self, events: Sequence[GrabEvent] = ()):
-        self.events = list(events)
+        self.events = validate.instances(events, GrabEvent, "events")
         self.hands: list[Grab] = []
 
     @property

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import warp as wp
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .cloth import Cloth
 
 YARNS = 4  # of a woven triangle: warp, weft, ±45°
+Thing = TypeVar("Thing")
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 
 
@@ -272,6 +273,19 @@ class Model:
         self.shapes = CollisionShapes(self.kernels, rows, self.world_count, self.device)
 
 
+def of_model(model: Model, things: list[Thing]) -> list[Thing]:
+    """Hooks and forces, which launch as many threads as their own model has particles.
+
+    Raises:
+        InputError: one was made for another model.
+    """
+    for thing in things:
+        other = getattr(thing, "model", model)
+        if isinstance(other, Model) and other is not model:
+            raise InputError(f"{type(thing).__name__} was made for another model; make one for the model simulated.")
+    return things
+
+
 def incident_rows(elements: np.ndarray, particle_count: int) -> tuple[np.ndarray, np.ndarray]:
     """Compressed rows: numbers of each particle's elements in rising order, as (start [n + 1], ids [m k]).
 
@@ -293,6 +307,6 @@ def find_device(device: Any) -> wp.Device:
     """
     try:
         return wp.get_device(device)
-    except (ValueError, RuntimeError) as error:
+    except (ValueError, RuntimeError, TypeError) as error:
         names = ", ".join(str(d) for d in wp.get_devices())
-        raise InputError(f"Device '{device}' is not available; this machine has: {names}.") from error
+        raise InputError(f"Device {validate.shown(device)} is not available; this machine has: {names}.") from error

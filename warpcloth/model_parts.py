@@ -1,7 +1,6 @@
 """What a model is made from: cloths of all worlds, or a bare network, joined into numpy arrays."""
 
-import reprlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -70,14 +69,14 @@ def pairs_of_worlds(worlds: Any) -> "list[tuple[list[Cloth], list[Obstacle]]]":
     Raises:
         InputError: there is none, or one is no such pair.
     """
-    items = list(worlds) if isinstance(worlds, Iterable) else []
+    items = [item for item in validate.listed(worlds) if item is not worlds]  # one thing alone is no list of worlds
     if not items:
         raise InputError(
-            f"A model needs a list of at least one world, (cloths, obstacles), got {reprlib.repr(worlds)}."
+            f"A model needs a list of at least one world, (cloths, obstacles), got {validate.shown(worlds)}."
         )
     for w, item in enumerate(items):
         if not isinstance(item, Sequence) or isinstance(item, str) or len(item) != 2:
-            raise InputError(f"worlds[{w}] must be a pair (cloths, obstacles), got {reprlib.repr(item)}.")
+            raise InputError(f"worlds[{w}] must be a pair (cloths, obstacles), got {validate.shown(item)}.")
     return [things_of_world(f"worlds[{w}]: ", *item) for w, item in enumerate(items)]
 
 
@@ -89,7 +88,7 @@ def things_of_world(label: str, cloths: Any, obstacles: Any) -> "tuple[list[Clot
     """
     from .cloth import Cloth
 
-    rows = [list(items) if isinstance(items, Iterable) else [items] for items in (cloths, obstacles)]
+    rows = [validate.listed(items) for items in (cloths, obstacles)]
     for k, obstacle in enumerate(rows[1]):
         if not isinstance(obstacle, Obstacle):
             what = f"{label}obstacles[{k}] must be an obstacle such as warpcloth.Sphere"
@@ -233,7 +232,7 @@ def parts_of_network(
 
 def _column(values: Any, count: int, what: str, *, positive: bool = False) -> np.ndarray:
     """``values``, a number or one per item, as float64 of shape [count]; negative ones are refused."""
-    if np.ndim(values) == 0:
+    if validate.axes(values) == 0:
         bound = {"above": 0.0} if positive else {"minimum": 0.0}
         return np.full(count, validate.number(values, what, **bound))
     column = validate.array(values, what, (count,))

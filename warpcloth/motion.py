@@ -1,6 +1,5 @@
 """Keyframed rigid motion of obstacles and pins."""
 
-import reprlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -73,10 +72,10 @@ class Motion:
     ) -> "Motion":
         """Motion from keys ``(time, position)`` or ``(time, position, rotation)``, in [s], [m], [rad]."""
         zero = (0.0, 0.0, 0.0)
-        rows = list(keys) if isinstance(keys, Iterable) else [keys]
+        rows = validate.listed(keys)
         wrong = [row for row in rows if not isinstance(row, Sequence) or len(row) not in (2, 3)]
         if wrong or not rows:
-            got = f", got {reprlib.repr(wrong[0])}" if wrong else ", and there must be at least one"
+            got = f", got {validate.shown(wrong[0])}" if wrong else ", and there must be at least one"
             raise InputError(f"Motion: each key must be (time, position) or (time, position, rotation){got}.")
         times, positions = [row[0] for row in rows], [row[1] for row in rows]
         rotations = [row[2] if len(row) == 3 else zero for row in rows]

@@ -21,12 +21,12 @@ from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
 from .launching import copy, launch, launches, records
 from .lookout import Lookout
-from .model import Model
+from .model import Model, of_model
 from .recording import missed_pairs, recordable_substeps
 from .state import Memory, State
 from .stopwatch import Stopwatch
 from .untangle import untangle
-from .worlds import WorldReset, take_worlds, world_mask
+from .worlds import WorldReset, take_worlds, world_mask, worlds_to_keep
 
 MAX_SUBSTEPS = 100_000
 
@@ -92,8 +92,8 @@ class Simulation:
         threads: int | None = None,
     ):
         self.model = validate.instance(model, Model, "Model")
-        self.hooks = validate.instances(hooks, Hook, "hooks")
-        own = validate.instances(forces, UserForce, "forces")
+        self.hooks = of_model(model, validate.instances(hooks, Hook, "hooks"))
+        own = of_model(model, validate.instances(forces, UserForce, "forces"))
         self.integrator = make_integrator(integrator, model, integrator_options)
         self.watch = Stopwatch(model.device, validate.flag(profile, "profile"))
         replay = validate.flag(graph, "graph") and self.integrator.capturable and not self.watch.active
@@ -114,7 +114,7 @@ class Simulation:
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other = self.state.twin()
-        hooked = [hook.memory() for hook in self.hooks]
+        hooked = [validate.instances(hook.memory(), Memory, f"memory of {type(hook).__name__}") for hook in self.hooks]
         self._memory = [item for own in (*self._memories(), *hooked) for item in own]
         self._backup = Backup(self.state, self._memory, self.integrator, self.contact, self._frames)
         self._auto = isinstance(substeps, str)
@@ -219,11 +219,11 @@ class Simulation:
 
     def run(self, frames: int, fps: float = 60.0, on_frame: Callable[["Simulation", int], None] | None = None) -> None:
         """``frames`` frames of 1/fps [s]; ``on_frame(simulation, number)`` after each, numbers from 1."""
-        dt = 1.0 / validate.number(fps, "fps", above=0.0)
+        dt = 1.0 / validate.number(fps, "fps", minimum=1e-3)
+        look = validate.function(on_frame, "on_frame") or (lambda *_: None)
         for number in range(1, validate.integer(frames, "frames", minimum=0, maximum=10**9) + 1):
             self.step(dt)
-            if on_frame is not None:
-                on_frame(self, number)
+            look(self, number)
 
     @launches
     def grab(self, what: Any, stiffness: float | None = None) -> Grab:
@@ -283,9 +283,9 @@ class Simulation:
 
         Args:
             other: a simulation with the same options, between two frames.
-            worlds: of which worlds of ``other`` this model has the cloths and obstacles, in rising order.
+            worlds: which worlds of ``other`` this model has, in rising order; what cannot be so is an ``InputError``.
         """
-        keep = list(worlds)
+        keep = worlds_to_keep(self, validate.instance(other, Simulation, "Simulation"), worlds)
         for mine, theirs in zip(self._memories(), other._memories(), strict=True):
             # What a scheme or a force keeps may be in fewer arrays here: the last ones were of other worlds.
             take_worlds(self.state, mine, other.model, other.state, theirs, keep)

@@ -65,5 +65,5 @@ def unturned(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 def _shape(value: Any) -> tuple[int, ...]:
     try:
         return np.shape(value)
-    except ValueError:  # ragged
+    except (ValueError, RuntimeError):  # rows of unequal lengths, a list of Warp arrays
         return ()

@@ -5,8 +5,10 @@
 
 import difflib
 import operator
+import os
 import reprlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -28,14 +30,14 @@ def number(
     """A finite float, ``> above`` or ``>= minimum``, and ``<= maximum``."""
     low = -LARGEST if minimum is None else minimum
     try:
-        result = float("nan") if isinstance(value, str | bytes | bool) else float(value)
+        result = float(value) if _may_be_real(value) else float("nan")
     except (TypeError, ValueError, OverflowError):
         result = float("nan")
     if not low <= result <= maximum or (above is not None and not result > above):
         limits = _range(above, minimum, maximum, spoken=maximum < LARGEST or LARGEST < result < float("inf"))
-        raise InputError(f"{sentence(what)} must be {limits}, got {reprlib.repr(value)}.")
+        raise InputError(f"{sentence(what)} must be {limits}, got {shown(value)}.")
     if above == 0.0 and result < SMALLEST:
-        raise InputError(f"{sentence(what)} must not be closer to 0 than {SMALLEST:g}, got {reprlib.repr(value)}.")
+        raise InputError(f"{sentence(what)} must not be closer to 0 than {SMALLEST:g}, got {shown(value)}.")
     return result
 
 
@@ -46,7 +48,7 @@ def integer(value: Any, what: str, *, minimum: int, maximum: int) -> int:
     except TypeError:
         result = minimum - 1
     if not minimum <= result <= maximum:
-        got = reprlib.repr(value)
+        got = shown(value)
         raise InputError(f"{sentence(what)} must be a whole number from {minimum} to {maximum}, got {got}.")
     return result
 
@@ -56,15 +58,23 @@ def array(value: Any, what: str, shape: tuple[int | None, ...], dtype: Any = np.
     kind = "integers" if np.issubdtype(dtype, np.integer) else "numbers"
     try:
         raw = np.asarray(value)
-        if raw.dtype.kind not in "iuf" and raw.size:
+        if (raw.dtype.kind not in "iuf" and raw.size) or np.ma.is_masked(value):
             raise TypeError
-    except (TypeError, ValueError):
-        raise InputError(f"{sentence(what)} must be {_layout(shape, kind)}, got {reprlib.repr(value)}.") from None
+    except (TypeError, ValueError, RuntimeError):  # the last: a list of Warp arrays
+        raise InputError(f"{sentence(what)} must be {_layout(shape, kind)}, got {shown(value)}.") from None
     if raw.size == 0 and None in shape:
         raw = np.zeros([0 if n is None else n for n in shape], dtype)
     if raw.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, raw.shape, strict=True)):
         raise InputError(f"{sentence(what)} must be {_layout(shape, kind)}, got an array of shape {raw.shape}.")
     return _converted(raw, what, dtype)
+
+
+def axes(value: Any) -> int:
+    """How many axes numpy gives it; −1 where it can give none, as to rows of unequal lengths, and ``array`` refuses."""
+    try:
+        return np.ndim(value)
+    except (ValueError, RuntimeError):  # the latter: a list of Warp arrays
+        return -1
 
 
 def device_array(value: Any, what: str, dtype: type, shape: tuple[int, ...], device: wp.Device) -> wp.array:
@@ -96,21 +106,21 @@ def color(value: Any, what: str) -> tuple[float, float, float]:
     """Linear red, green, blue, each in [0, 1]."""
     red, green, blue = vector(value, what).tolist()
     if min(red, green, blue) < 0.0 or max(red, green, blue) > 1.0:
-        raise InputError(f"{sentence(what)} must be red, green, blue from 0 to 1, got {reprlib.repr(value)}.")
+        raise InputError(f"{sentence(what)} must be red, green, blue from 0 to 1, got {shown(value)}.")
     return red, green, blue
 
 
 def text(value: Any, what: str) -> str:
     """A non-empty printable string."""
     if not isinstance(value, str) or not value.strip() or not value.isprintable():
-        raise InputError(f"{sentence(what)} must be a non-empty printable text, got {reprlib.repr(value)}.")
+        raise InputError(f"{sentence(what)} must be a non-empty printable text, got {shown(value)}.")
     return value
 
 
 def flag(value: Any, what: str) -> bool:
     """True or False, nothing that merely behaves like it."""
     if not isinstance(value, bool | np.bool_):
-        raise InputError(f"{sentence(what)} must be true or false, got {reprlib.repr(value)}.")
+        raise InputError(f"{sentence(what)} must be true or false, got {shown(value)}.")
     return bool(value)
 
 
@@ -120,7 +130,7 @@ def choice(value: Any, options: Iterable[str], what: str) -> str:
     if isinstance(value, str) and value in names:
         return value
     known = ", ".join(f"'{name}'" for name in names)
-    raise InputError(f"{sentence(what)} must be one of {known}, got {reprlib.repr(value)}{did_you_mean(value, names)}.")
+    raise InputError(f"{sentence(what)} must be one of {known}, got {shown(value)}{did_you_mean(value, names)}.")
 
 
 def instance(value: Any, kind: type[Kind], what: str) -> Kind:
@@ -135,6 +145,41 @@ def instances(values: Any, kind: type[Kind], what: str) -> list[Kind]:
     if not isinstance(values, Sequence):
         raise InputError(f"{sentence(what)} must be a list of warpcloth.{kind.__name__}, got {type(values).__name__}.")
     return [instance(value, kind, f"{what}[{k}]") for k, value in enumerate(values)]
+
+
+def listed(values: Any) -> list[Any]:
+    """What was given as a list of things, of which one alone needs no list."""
+    if isinstance(values, Iterable) and not (isinstance(values, np.ndarray) and values.ndim == 0):
+        return list(values)
+    return [values]
+
+
+def texts(values: Any, what: str) -> list[str]:
+    """A list of texts; one text alone is no list of its letters."""
+    items: list[Any] = [None] if isinstance(values, str | bytes) else listed(values)
+    if not all(isinstance(item, str) for item in items):
+        raise InputError(f"{sentence(what)} must be a list of texts, got {shown(values)}.")
+    return items
+
+
+def function(value: Any, what: str) -> Callable[..., Any] | None:
+    """A function, or None for none."""
+    if value is not None and not callable(value):
+        raise InputError(f"{sentence(what)} must be a function or None, got {shown(value)}.")
+    return value
+
+
+def file_path(value: Any, what: str) -> Path:
+    """The path of a file: a text, or what has one."""
+    path = os.fspath(value) if isinstance(value, os.PathLike) else value
+    if not isinstance(path, str):
+        raise InputError(f"{sentence(what)} must be the path of a file, got {shown(value)}.")
+    return Path(path)
+
+
+def shown(value: Any) -> str:
+    """A value as messages show it: short, and in one line."""
+    return _BRIEF.repr(value).replace("\n", " ")
 
 
 def did_you_mean(value: Any, options: Sequence[str]) -> str:
@@ -157,11 +202,28 @@ def is_utf8(path: Any) -> bool:
     return True
 
 
+class _Brief(reprlib.Repr):
+    """Goes by the names of classes, of which Warp's has the one of Python's own arrays."""
+
+    def repr_array(self, x: Any, level: int) -> str:
+        return self.repr_instance(x, level)
+
+
+_BRIEF = _Brief()
+
+
+def _may_be_real(value: Any) -> bool:
+    """Not what ``float`` only makes a number of: texts, truth values, complex numbers, arrays with axes."""
+    if isinstance(value, np.ndarray):
+        return value.ndim == 0 and value.dtype.kind in "iuf"
+    return not isinstance(value, str | bytes | bytearray | bool | np.bool_ | np.complexfloating)
+
+
 def _converted(raw: np.ndarray, what: str, dtype: Any) -> np.ndarray:
     if np.issubdtype(dtype, np.integer):
         bounds = np.iinfo(dtype)
         if raw.dtype.kind == "f" and raw.size:
-            raise InputError(f"{sentence(what)} must be integers, got {reprlib.repr(raw.flat[0])}.")
+            raise InputError(f"{sentence(what)} must be integers, got {shown(raw.flat[0])}.")
         if raw.size and (raw.min() < bounds.min or raw.max() > bounds.max):
             raise InputError(f"{sentence(what)} must fit {bounds.bits}-bit integers, got {raw.min()} to {raw.max()}.")
     else:

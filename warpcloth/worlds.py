@@ -83,6 +83,25 @@ def take_worlds(
             own.array.assign(item.array.numpy()[worlds if item.particle is None else kept[item.particle]])
 
 
+def worlds_to_keep(simulation: Any, other: Any, worlds: Any) -> list[int]:
+    """Numbers of worlds of another simulation that one can go on with.
+
+    Raises:
+        InputError: there are no such worlds, they do not rise, have other particles, or another integrator.
+    """
+    numbers = validate.array(worlds, "worlds", (None,), np.int64).tolist()
+    last = other.model.world_count - 1
+    if numbers != sorted({k for k in numbers if 0 <= k <= last}):
+        raise InputError(f"Worlds must be numbers from 0 to {last} in rising order, got {validate.shown(worlds)}.")
+    count = int(np.isin(other.model.particle_world.numpy(), numbers).sum())
+    if count != simulation.model.particle_count:
+        raise InputError(f"These worlds have {count} particles; the model here has {simulation.model.particle_count}.")
+    if type(simulation.integrator) is not type(other.integrator):
+        names = f"{other.integrator.name}, not {simulation.integrator.name}"
+        raise InputError(f"A simulation can go on only with the integrator of the other one, {names}.")
+    return numbers
+
+
 def words(array: wp.array) -> wp.array:
     """The same memory as 32-bit words, shape [rows, words per row]."""
     shape = (len(array), wp.types.type_size_in_bytes(array.dtype) // 4)
@@ -103,8 +122,9 @@ def world_mask(mask: Any, model: Model) -> wp.array:
         return wp.ones(count, dtype=wp.bool, device=model.device)
     if isinstance(mask, wp.array):
         return validate.device_array(mask, "world mask", wp.bool, (count,), model.device)
-    values = np.asarray(mask)
-    if values.dtype != np.bool_ or values.shape != (count,):
+    values = np.asarray(mask) if validate.axes(mask) == 1 else None
+    if values is None or values.dtype != np.bool_ or values.shape != (count,):
         expected = f"World mask must be booleans of shape ({count},), one for each world"
-        raise InputError(f"{expected}, got {values.dtype} of shape {values.shape}.")
+        got = validate.shown(mask) if values is None else f"{values.dtype} of shape {values.shape}"
+        raise InputError(f"{expected}, got {got}.")
     return wp.array(values, dtype=wp.bool, device=model.device)

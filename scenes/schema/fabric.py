@@ -17,9 +17,8 @@ _PLAIN = Fabric()
 
 class FabricTable(Table):
     """What a cloth is made of: properties of the sheet, which do not depend on the resolution of its mesh.
-
     `fabric = "denim"` takes a fabric of the library (`warpcloth fabrics` lists them), and a table with its name changes
-    some of its properties. A table without such a name has the defaults below.
+    some of its properties; the defaults here are those of a table without such a name, and of cloth without `fabric`.
     """
 
     name: Annotated[str, Text(r"\S(.*\S)?", "a name", 200)] = field(

@@ -88,7 +88,8 @@ class Scene(Table):
         """The same scene with some fields changed, and validated again.
 
         Args:
-            values: By dotted path of the field, e.g. ``{"frames": 10, "simulation.substeps": 4}``.
+            values: By dotted path of the field, e.g. ``{"frames": 10, "simulation.substeps": 4}``; numpy's scalars are
+                numbers, too.
 
         Raises:
             SceneError: A value is not one that its field can have.
@@ -96,7 +97,9 @@ class Scene(Table):
         data = self.model_dump()
         for path, value in values.items():
             *tables, key = path.split(".")
-            functools.reduce(operator.getitem, tables, data)[key] = value
+            functools.reduce(operator.getitem, tables, data)[key] = (
+                value.item() if isinstance(value, np.generic) else value
+            )
         try:
             return type(self).model_validate(data).placed(self._name, self._folder, self._source.file)
         except ValidationError as error:

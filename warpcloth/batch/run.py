@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import MissingExtraError, WarpclothError
+from ..render.paint import pyvista
 from ..scenes.interrupt import stop_on_interrupt
 from .assembly import write_assembly
 from .cluster import Cluster, ClusterPool
@@ -80,7 +81,7 @@ def run_batch(
     with folder.locked(), contextlib.ExitStack() as exits:
         folder.claim(sweep)
         if "preview" in sweep.table.outputs:
-            needed("pyvista", "render")  # before any work
+            pyvista()  # before any work
         cluster = None
         if ray is not None:
             cluster = Cluster(ray)

@@ -32,21 +32,22 @@ def write_sheet(folder: BatchFolder) -> Path | None:
     if not drapes:
         return None
     chosen = np.unique(np.linspace(0, len(drapes) - 1, min(MOST, len(drapes))).round().astype(int))
-    pyvista = needed("pyvista", "render")
     needed("PIL.Image", "render")
     from ..render.files import write_still
+    from ..render.paint import pyvista
 
+    library = pyvista()
     tiles = [_Tile(*drapes[number]) for number in chosen]
     columns = math.ceil(math.sqrt(len(tiles)))
     rows = math.ceil(len(tiles) / columns)
     depth = math.sin(math.radians(ELEVATION))
     size = (max(600, PIXELS * columns), max(400, int(PIXELS * (rows + 0.5) * depth)))
     step = GAP * max(tile.width for tile in tiles)
-    with contextlib.closing(pyvista.Plotter(off_screen=True, window_size=size, lighting="light kit")) as plotter:
+    with contextlib.closing(library.Plotter(off_screen=True, window_size=size, lighting="light kit")) as plotter:
         plotter.set_background("#f4f2ee")
         plotter.enable_anti_aliasing("ssaa")
         for number, tile in enumerate(tiles):
-            tile.draw(plotter, pyvista, np.array([step * (number % columns), -step * (number // columns), 0.0]), step)
+            tile.draw(plotter, library, np.array([step * (number % columns), -step * (number // columns), 0.0]), step)
         _look(plotter, step, columns, rows, size)
         image = plotter.screenshot(return_img=True)
     write_still(folder.path / SHEET, np.ascontiguousarray(image[..., :3]))
@@ -71,16 +72,16 @@ class _Tile:
         self.low = min(float(part[0][:, 2].min()) for part in self.parts) if self.parts else 0.0
         self.width = float(np.ptp(points[:, :2], axis=0).max())
 
-    def draw(self, plotter: Any, pyvista: Any, place: np.ndarray, step: float) -> None:
+    def draw(self, plotter: Any, library: Any, place: np.ndarray, step: float) -> None:
         """Adds it at ``place``, on a plate of its own with its number."""
         for points, triangles, color in self.parts:
             faces = np.column_stack([np.full(len(triangles), 3), triangles])
-            mesh = pyvista.PolyData(points - self.middle + place, faces)
+            mesh = library.PolyData(points - self.middle + place, faces)
             mesh.point_data["Normals"] = vertex_normals(points, triangles)
             display = np.clip(np.asarray(color, float), 0.0, 1.0) ** (1.0 / 2.2)
             plotter.add_mesh(mesh, color=display, smooth_shading=True, specular=0.1, ambient=0.15)
         floor = place + np.array([0.0, 0.0, self.low - 2e-3 * step])
-        plate = pyvista.Plane(center=floor, direction=(0, 0, 1), i_size=0.97 * step, j_size=0.97 * step)
+        plate = library.Plane(center=floor, direction=(0, 0, 1), i_size=0.97 * step, j_size=0.97 * step)
         plotter.add_mesh(plate, color="#e3e0da", lighting=False)
         corner = place + step * np.array([-0.46, -0.46, 0.0])
         plotter.add_point_labels(

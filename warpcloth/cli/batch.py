@@ -111,6 +111,7 @@ def _answer(what: str, path: Path | None) -> Report:
         raise InputError(f"Which batch? Give its folder: warpcloth batch {what} DIR.")
     folder = BatchFolder(path)
     status = status_of(folder)
+    start_warp()
     files = index_batch(folder) if what == "index" else []
     written = "".join(f"\n  {file}" for file in files)
     return Report(status.as_dict() | {"files": files}, _summary(status) + written)

@@ -1,5 +1,6 @@
 """Entry point: run a command, and turn every error into one sentence and an exit code."""
 
+import contextlib
 import sys
 import traceback
 from collections.abc import Sequence
@@ -9,8 +10,8 @@ import typer
 
 from ..errors import WarpclothError
 from .app import build_app
-from .report import INTERRUPTED, to_json
-from .terminal import messages
+from .report import INTERRUPTED, write_json
+from .terminal import messages, open_streams
 
 BAD_INPUT = 2
 UNEXPECTED = 1
@@ -20,6 +21,7 @@ ClickError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__nam
 
 def main() -> None:
     """Run the command that the process was started with, and exit."""
+    open_streams()
     sys.exit(run(sys.argv[1:]))
 
 
@@ -58,7 +60,9 @@ def _fail(arguments: Sequence[str], sentence: str, exit_code: int) -> int:
     sentence = sentence if sentence.endswith((".", "?")) else f"{sentence}."
     messages().print(f"warpcloth: {sentence}")
     if "--json" in arguments:
-        print(to_json({"error": sentence, "exit_code": exit_code}))
+        with contextlib.suppress(OSError):  # where stdout cannot be written to, stderr has said what is wrong
+            write_json({"error": sentence, "exit_code": exit_code}, sys.stdout)
+            sys.stdout.flush()
     return exit_code
 
 

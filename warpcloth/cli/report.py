@@ -10,7 +10,8 @@ from typing import Any, TextIO
 import numpy as np
 from rich.console import RenderableType
 
-from .terminal import plain_console
+from ..errors import InputError
+from .terminal import is_unicode, plain_console
 
 INTERRUPTED = 130  # the shells' convention for Ctrl-C
 TABLE_WIDTH = 120  # columns where no terminal says how many there are
@@ -32,9 +33,22 @@ class Report:
 
 
 def print_report(report: Report, stream: TextIO, *, as_json: bool) -> None:
-    """Write a report to a stream, as one JSON object or as text."""
+    """Write a report to a stream, as one JSON object or as text.
+
+    Raises:
+        BrokenPipeError: whoever read the stream has gone. InputError: it cannot be written to, as on a full disk.
+    """
+    try:
+        _print(report, stream, as_json)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise InputError(f"The result cannot be written to standard output: {error.strerror}.") from None
+
+
+def _print(report: Report, stream: TextIO, as_json: bool) -> None:
     if as_json:
-        stream.write(to_json(report.data) + "\n")
+        write_json(report.data, stream)
     else:
         # In a pipe there is no width to wrap sentences at; tables have their own, and room for it.
         console = plain_console(file=stream)
@@ -44,9 +58,14 @@ def print_report(report: Report, stream: TextIO, *, as_json: bool) -> None:
     stream.flush()
 
 
-def to_json(data: Mapping[str, Any]) -> str:
+def write_json(data: Mapping[str, Any], stream: TextIO) -> None:
+    """Write one JSON object and a line's end; to streams that lack characters, with these escaped, as JSON can."""
+    stream.write(to_json(data, escaped=not is_unicode(stream)) + "\n")
+
+
+def to_json(data: Mapping[str, Any], *, escaped: bool = False) -> str:
     """JSON as the standard has it: what is not finite becomes ``null``; arrays and paths become lists and text."""
-    return json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False)
+    return json.dumps(_plain(data), indent=2, ensure_ascii=escaped, allow_nan=False)
 
 
 def _plain(value: Any) -> Any:

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from ..errors import InputError
 from .report import Report
+from .terminal import start_warp
 
 Action = Annotated[str, typer.Argument(metavar="[list|export]", help="What to do.")]
 Name = Annotated[str | None, typer.Argument(metavar="[SCENE]", help="To export: a bundled scene or a .toml file.")]
@@ -54,5 +55,6 @@ def _export(name: str | None, output: Path | None, changes: list[str]) -> Report
     if name is None:
         raise InputError("`scenes export` needs the scene to export; `scenes list` has the bundled ones.")
     scene = load_scene(name, changes)
+    start_warp()
     path = export_scene(scene, Path(f"{scene.name}.usda") if output is None else output).absolute()
     return Report({"scene": scene.name, "frames": scene.frames, "output": path}, f"{path}: {scene.name} as a stage")

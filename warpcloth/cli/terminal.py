@@ -1,6 +1,7 @@
 """The two streams: results on stdout, everything else (progress, warnings, Warp's own chatter) on stderr."""
 
 import contextlib
+import io
 import os
 import sys
 import warnings
@@ -22,6 +23,28 @@ def messages() -> Console:
 def plain_console(**options: Any) -> Console:
     """Console that writes text as it is: brackets and colons in a path are no markup and no emoji."""
     return Console(markup=False, emoji=False, highlight=False, **options)
+
+
+def open_streams() -> None:
+    """Give the process the streams that it was started without, as by ``>&-``, and let stdout take any character.
+
+    Where a terminal or a pipe is not UTF-8, what its encoding lacks is written as on stderr: ``\\u03c9``.
+    """
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:  # else the next file that is opened would be taken for the stream
+            os.open(os.devnull, os.O_RDWR)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper) and not is_unicode(sys.stdout):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def is_unicode(stream: TextIO) -> bool:
+    """Whether a stream can take any character."""
+    return (getattr(stream, "encoding", None) or "utf-8").lower().startswith("utf")
 
 
 @contextlib.contextmanager

@@ -1,7 +1,6 @@
 """Arguments of the cloth constructors, checked."""
 
 import operator
-import reprlib
 from typing import Any
 
 import numpy as np
@@ -46,7 +45,7 @@ def grid_resolution(resolution: Any, label: str) -> tuple[int, int]:
     try:
         counts = [operator.index(n) for n in (nx, ny)]
     except TypeError:
-        got = reprlib.repr(resolution)
+        got = validate.shown(resolution)
         raise InputError(f"{validate.sentence(label)}: resolution must be two whole numbers, got {got}.") from None
     if min(counts) < 2:
         got = f"({counts[0]}, {counts[1]})"
@@ -64,7 +63,7 @@ def pair(value: Any, rule: str) -> tuple[Any, Any]:
     sized = isinstance(value, tuple | list) or (isinstance(value, np.ndarray) and value.ndim == 1)
     items = list(value) if sized else []
     if len(items) != 2:
-        raise InputError(f"{validate.sentence(rule)}, got {reprlib.repr(value)}.")
+        raise InputError(f"{validate.sentence(rule)}, got {validate.shown(value)}.")
     return items[0], items[1]
 
 

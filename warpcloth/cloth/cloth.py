@@ -72,7 +72,7 @@ class Cloth:
         values: dict[str, Any] = {"points": points, "triangles": triangles}
         values["masses"] = validate.array(self.masses, f"{label}: masses", (len(points),))
         values["velocity"] = validate.vector(self.velocity, f"{label}: velocity")
-        values["pins"] = tuple(self.pins)
+        values["pins"] = tuple(validate.listed(self.pins))
         share = np.full(triangles.shape, 1.0 / 3.0) if self.corner_share is None else self.corner_share
         values["corner_share"] = validate.array(share, f"{label}: corner_share", (len(triangles), 3))
         require(self.springs, SpringNetwork, f"{label}: springs")

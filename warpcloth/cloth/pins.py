@@ -1,6 +1,6 @@
 """Pins: which vertices of a cloth are held, and how they move."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,7 +71,7 @@ def pin_box(lower: Any, upper: Any, motion: Motion | None = None) -> PinSpec:
 
 def pin_nearest(points: Any, motion: Motion | None = None) -> PinSpec:
     """Pins the vertex nearest to each of the world-space ``points`` (k, 3) or to one point (3,) [m]."""
-    shape = (3,) if np.ndim(np.asarray(points, dtype=object)) == 1 else (None, 3)
+    shape = (3,) if validate.axes(points) == 1 else (None, 3)
     targets = validate.array(points, "pin nearest: points", shape).reshape(-1, 3)
     if len(targets) == 0:
         raise InputError("Pin nearest: at least one point is needed.")
@@ -105,13 +105,12 @@ def _as_specs(pins: Any) -> list[PinSpec]:
         return []
     if isinstance(pins, PinSpec | Pin):
         return [PinSpec(pins.indices, pins.motion) if isinstance(pins, Pin) else pins]
-    if isinstance(pins, str | int | np.integer | np.ndarray) or callable(pins):
+    is_array = hasattr(pins, "__array__") or hasattr(pins, "__array_interface__")
+    if isinstance(pins, str | int) or is_array or callable(pins):
         return [PinSpec(pins)]
-    try:
-        items = list(pins)
-    except TypeError:
-        raise InputError(f"Pins must be indices, names or pin specifications, got {type(pins).__name__}.") from None
-    return [spec for item in items for spec in _as_specs(item)]
+    if isinstance(pins, bytes | bytearray) or not isinstance(pins, Iterable):
+        raise InputError(f"Pins must be indices, names or pin specifications, got {type(pins).__name__}.")
+    return [spec for item in pins for spec in _as_specs(item)]
 
 
 def _select(select: Any, points: np.ndarray, named: Mapping[str, np.ndarray], label: str) -> np.ndarray:
@@ -125,7 +124,8 @@ def _select(select: Any, points: np.ndarray, named: Mapping[str, np.ndarray], la
     if isinstance(select, list | tuple) and any(isinstance(item, str) for item in select):
         return np.unique(np.concatenate([_select(item, points, named, label) for item in select]))
     chosen = select(points) if callable(select) else select
-    indices = np.unique(validate.array(np.atleast_1d(chosen), what, (None,), np.int32))
+    chosen = chosen if validate.axes(chosen) else [chosen]
+    indices = np.unique(validate.array(chosen, what, (None,), np.int32))
     if indices.size == 0:
         raise InputError(f"{validate.sentence(what)} name no vertex.")
     if indices[0] < 0 or indices[-1] >= len(points):

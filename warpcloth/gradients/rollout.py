@@ -67,14 +67,16 @@ class Rollout:
         check_differentiable(simulation)
         self.simulation, self.model = simulation, simulation.model
         self.frames = validate.integer(frames, "frames", minimum=1, maximum=10**9)
-        self._frame_dt = 1.0 / validate.number(fps, "fps", above=0.0)
+        self._frame_dt = 1.0 / validate.number(fps, "fps", minimum=1e-3)
         self.substeps = simulation.substeps_for(self._frame_dt)
         self.steps, self._dt = self.frames * self.substeps, self._frame_dt / self.substeps
         self.segment = math.isqrt(self.steps - 1) + 1
         if segment is not None:
             self.segment = validate.integer(segment, "segment", minimum=1, maximum=self.steps)
         self.parameters = find_parameters(simulation)
-        numbers = range(1, self.frames + 1) if observe is None else validate.array(observe, "observe", (None,), int)
+        numbers = (
+            range(1, self.frames + 1) if observe is None else validate.array(observe, "observe", (None,), int).tolist()
+        )
         wanted = [validate.integer(k, "observe", minimum=1, maximum=self.frames) for k in numbers]
         if not wanted or wanted != sorted(set(wanted)):
             raise InputError(f"observe must be frame numbers in rising order, at least one, got {wanted}.")

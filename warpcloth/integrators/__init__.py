@@ -101,6 +101,9 @@ def make_integrator(name: str, model: Model, options: Mapping[str, Any] | None =
     """
     cls = INTEGRATORS[validate.choice(name, INTEGRATORS, "integrator")]
     known = option_names(cls)
+    if not isinstance(options, Mapping | None):
+        kind = type(options).__name__
+        raise InputError(f"Integrator options must be given by name, such as {{'iterations': 10}}, got {kind}.")
     for option in options or {}:
         if not known:
             raise InputError(f"Integrator '{name}' has no options, got '{option}'.")

@@ -39,7 +39,7 @@ class Handles(Hook):
         held[model.moving_pins.particle.numpy()] = False
         held = held.reshape(worlds, size)
         rows = [[i] for i in np.flatnonzero(held.all(axis=0))] if groups is None else groups
-        if not isinstance(rows, Sequence | np.ndarray) or isinstance(rows, str):
+        if not isinstance(rows, Sequence | np.ndarray) or isinstance(rows, str) or not validate.axes(rows):
             raise InputError(f"Handles must be a list of lists of particles, got {type(rows).__name__}.")
         parts = [_checked(row, f"handles[{h}]", held) for h, row in enumerate(rows)]
         _check_apart(parts)

@@ -43,7 +43,7 @@ class VectorEnv:
     Args:
         cloths: the cloths of each world, or a function of its number that returns its (cloths, obstacles); all worlds
             must have as many particles.
-        obstacles: the obstacles of each world.
+        obstacles: the obstacles of each world, unless the function returns them.
         worlds: N.
         handles: of each handle, the numbers of its particles within a world, all pinned without a motion; None: each
             such particle is a handle by itself.
@@ -79,6 +79,8 @@ class VectorEnv:
         count = validate.integer(worlds, "worlds", minimum=1, maximum=MAX_WORLDS)
         self.dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
         if callable(cloths):
+            if validate.listed(obstacles):
+                raise InputError("A function of the world's number returns its obstacles, too; leave `obstacles` out.")
             scenes = pairs_of_worlds([cloths(world) for world in range(count)])
         else:
             scenes = [things_of_world("", cloths, obstacles)] * count

@@ -104,12 +104,11 @@ def refuse_non_finite(points: Any, label: str) -> None:
     Raises:
         MeshError: naming how many vertices have them, and the first.
     """
-    try:
-        values = np.asarray(points, float)
-    except (TypeError, ValueError):
-        return  # not numbers at all: the check of shape and type says so
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size and values.ndim == 2:
+    if validate.axes(points) != 2:
+        return  # no points at all: the check of shape and type says so
+    values = np.asarray(points)
+    bad = np.flatnonzero(~np.isfinite(values)) if values.dtype.kind == "f" else values[:0]
+    if bad.size:
         title = validate.sentence(label)
         vertices = np.unique(bad // values.shape[1])
         what = "vertex is" if vertices.size == 1 else "vertices are"

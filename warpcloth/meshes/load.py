@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import validate
 from ..errors import MeshError
 from .assets import resolve_asset
 from .trianglemesh import TriangleMesh
@@ -46,14 +47,16 @@ def load_mesh(source: Any, prim: str | None = None, *, join: bool = False) -> Tr
     Arguments and errors as for :func:`read_mesh`; a mesh object keeps its axes.
     """
     if isinstance(source, TriangleMesh):
+        _refuse_prim(prim, source)
         return source
     if hasattr(source, "geometry") and hasattr(source, "graph"):
         from .files import mesh_of_scene
 
-        return mesh_of_scene(source, "scene", prim, join, np.eye(4)).welded()
+        return mesh_of_scene(source, "scene", _checked_prim(prim, "scene", ".glb"), join, np.eye(4)).welded()
     if hasattr(source, "vertices") and hasattr(source, "faces"):
         from .files import mesh_of_trimesh
 
+        _refuse_prim(prim, source)
         return mesh_of_trimesh(source, "mesh").welded()
     return read_mesh(source, prim, join=join)
 
@@ -75,11 +78,18 @@ def _read(file: Path, suffix: str, prim: str | None, join: bool) -> TriangleMesh
         raise MeshError(f"The mesh file '{file.name}' cannot be read: {error.strerror or error}.") from None
 
 
+def _refuse_prim(prim: Any, mesh: Any) -> None:
+    if prim is not None:
+        raise MeshError(
+            f"A {type(mesh).__name__} is a single mesh, so prim {validate.shown(prim)} cannot be chosen from it."
+        )
+
+
 def _checked_prim(prim: Any, file: str, suffix: str) -> str | None:
     if prim is None:
         return None
     if not isinstance(prim, str) or not prim.strip():
-        raise MeshError(f"Prim must be the path or name of a mesh in '{file}', got {prim!r}.")
+        raise MeshError(f"Prim must be the path or name of a mesh in '{file}', got {validate.shown(prim)}.")
     if suffix not in (*USD_SUFFIXES, ".glb", ".gltf"):
         raise MeshError(f"'{file}' holds a single mesh without a name, so prim '{prim}' cannot be chosen from it.")
     return prim

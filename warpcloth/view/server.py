@@ -1,5 +1,8 @@
 """What the pages have in common: the server, how it is brought up to date, pictures, the first view."""
 
+import errno
+import os
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -8,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import MissingExtraError
+from .. import validate
+from ..errors import InputError, MissingExtraError
 
 UPDATES = 30.0  # of a page per second, at most
 PICTURE = (1280, 800)  # pixels
+LAST_PORT = 65535
 
 
 def viser() -> Any:
@@ -29,9 +34,35 @@ def viser() -> Any:
     return viser
 
 
+def free_port(host: str, port: int) -> int:
+    """The first port from ``port`` on that a page can be at: viser waits for ever where there is none.
+
+    Raises:
+        InputError: it is no port, the address is none of this machine, or all of the next 1,000 are in use.
+    """
+    first = validate.integer(port, "port", minimum=1, maximum=LAST_PORT)
+    last = min(first + 999, LAST_PORT)
+    for candidate in range(first, last + 1):
+        try:
+            family, kind, protocol, _, address = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
+            with socket.socket(family, kind, protocol) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, os.name == "posix")
+                probe.bind(address)
+            return candidate
+        except (OSError, UnicodeError) as error:  # the latter of names that none can be
+            if getattr(error, "errno", None) not in (errno.EADDRINUSE, errno.EACCES):
+                reason = getattr(error, "strerror", None) or "it is no name of a machine"
+                raise InputError(f"A page cannot be at the address {validate.shown(host)}: {reason}.") from None
+    raise InputError(f"The ports {first} to {last} of {host} are all in use, or not yours; choose another --port.")
+
+
 def open_server(host: str, port: int) -> Any:
-    """A server with an empty page, z up, its panel on the right."""
-    server = viser().ViserServer(host=host, port=port, verbose=False)
+    """A server with an empty page, z up, its panel on the right.
+
+    Raises:
+        InputError: see :func:`free_port`.
+    """
+    server = viser().ViserServer(host=host, port=free_port(host, port), verbose=False)
     server.gui.configure_theme(show_share_button=False)
     server.gui.main_panel.dock_right()
     server.scene.set_up_direction("+z")
