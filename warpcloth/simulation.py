@@ -280,7 +280,7 @@ class Simulation:
 
     @launches
     def continue_from(self, other: "Simulation", worlds: Sequence[int]) -> None:
-        """Goes on where ``other`` is, with some of its worlds: each does from here on what it would have done there.
+        """Goes on where ``other`` is with some of its worlds, each as it would there if the integrator couples none.
 
         Args:
             other: a simulation with the same options, between two frames.
