@@ -133,12 +133,11 @@ def test_ways_out_do_not_depend_on_which_side_is_the_front(angle):
     """Nor on which way around edges go, also where they nearly graze what they pass through."""
     turn = np.array([[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0], [np.sin(angle), 0, np.cos(angle)]])
     flat = wc.Cloth.grid((0.2, 0.2), (6, 6))
+    tilted = (flat.points + np.array([0.011, 0.007, 0.0])) @ turn.T
     moves = []
     for flips in ((False, False), (True, False), (False, True)):
         cloths = []
-        for name, placed, flipped in zip(
-            "ab", (flat.points, (flat.points + (0.011, 0.007, 0.0)) @ turn.T), flips, strict=True
-        ):
+        for name, placed, flipped in zip("ab", (flat.points, tilted), flips, strict=True):
             mesh = TriangleMesh(placed, flat.triangles, name=name)
             cloths.append(wc.Cloth.from_mesh(mesh.flipped() if flipped else mesh))
         model = wc.Model.build(cloths, precision="float64")
