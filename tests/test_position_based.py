@@ -262,3 +262,12 @@ def test_strong_damping_does_not_throw_cloth(cells, time):
     sim.run(120)
     assert sim.energy()["total"] < 0.5 * start
     assert np.linalg.norm(sim.state.particle_qd.numpy(), axis=1).max() < 0.5
+
+
+@pytest.mark.parametrize(("name", "sweeps"), [("xpbd", 4), ("vbd", 3)])
+def test_sweeps_count_as_evaluations_as_they_look_at_every_spring(name, sweeps):
+    model = wc.Model.build(wc.Cloth.grid((0.3, 0.3), (5, 5), pins="left"))
+    sim = wc.Simulation(model, name, substeps=3, graph=False, integrator_options={"iterations": sweeps})
+    for frame in range(1, 3):
+        sim.step(1 / 60)
+        assert sim.forces.evaluations == frame * 3 * sweeps
