@@ -19,7 +19,6 @@ wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 WIDTH = 8
 BOX = wp.constant(6 * WIDTH)  # numbers of a node: three rows of lower corners, three of upper ones
 WAY = wp.constant(12 * WIDTH)  # numbers of a leaf: the same at the start of ways, and at their end
-CORNERS = wp.constant(3 * WIDTH)
 EMPTY = wp.constant(1.0e30)
 DEEPEST = 9  # levels: 8⁹ triangles
 Stack = wp.types.vector(DEEPEST * (WIDTH - 1) + 1, wp.int32)

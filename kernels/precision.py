@@ -9,7 +9,6 @@ vec2 = wp.types.vector(2, real)
 vec3 = wp.types.vector(3, real)
 vec4 = wp.types.vector(4, real)
 mat33 = wp.types.matrix((3, 3), real)
-quat = wp.types.quaternion(real)
 
 OPTIONS = {"enable_backward": _variant.endswith("_grad")}
 FORWARD_ONLY = {"enable_backward": False}  # for what no gradient goes through

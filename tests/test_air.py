@@ -76,6 +76,14 @@ def test_force_equals_an_independent_evaluation(air, t):
     assert np.abs(got - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
+def test_turbulence_is_as_exact_in_single_precision_after_days():
+    model, t = wc.Model.build(wc.Cloth.grid((0.4, 0.3), (5, 4), FABRIC), precision="float32"), 3e5
+    state = State.of(model)
+    expected = law_in_numpy(model, state, AIRS[2], t)
+    got = evaluated(forces_of(model, AIRS[2]), state, t)
+    assert np.abs(got - expected).max() <= 1e-5 * np.abs(expected).max()
+
+
 def test_uniform_motion_of_sheet_and_air_together_makes_no_force():
     model, state = crumpled()
     state.particle_qd.assign(np.tile((3.0, 1.0, -2.0), (model.particle_count, 1)))

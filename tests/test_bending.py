@@ -122,6 +122,20 @@ def test_single_triangles_do_not_bend(triangles):
     wc.Simulation(wc.Model.build(cloth), "xpbd").step(0.01)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_parabola_has_the_energy_of_its_strips_whatever_the_shape_of_cells(axis):
+    """½ B κ² on all but half a cell at either end; κ is exact there."""
+    size, resolution, curvature = np.array([0.4, 0.3]), np.array([6, 7]), 2.0
+    fabric = wc.Fabric(shear_stiffness=5.0, bend_stiffness=0.0, bending_rigidity=1e-5, bending_rigidity_weft=3e-5)
+    model = wc.Model.build(wc.Cloth.grid(tuple(size), tuple(resolution), fabric), precision="float64")
+    sim, bent = wc.Simulation(model, contact="none"), model.particle_q.numpy()
+    bent[:, 2] = 0.5 * curvature * bent[:, axis] ** 2
+    sim.state.particle_q.assign(bent)
+    cell = size[axis] / (resolution[axis] - 1)
+    strip = (size[axis] - cell) * size[1 - axis]
+    assert sim.energy()["bending"] == pytest.approx(0.5 * (1e-5, 3e-5)[axis] * curvature**2 * strip, rel=1e-9)
+
+
 def test_energy_of_an_inner_piece_is_that_of_the_sheet():
     """½ B κ² per area for a cylinder along either direction, B κ² for a twist (2 B_xy κ_xy²)."""
     points, triangles = ragged(cells=12)

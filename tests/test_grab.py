@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import warp as wp
 
 import warpcloth as wc
 from warpcloth.errors import InputError
@@ -255,6 +256,27 @@ def test_a_hand_leads_worlds_that_were_reset_as_others():
         ways.append(way)
     assert ways[0] == pytest.approx([0.02, 0.04, 0.06, 0.08], abs=1e-3)
     assert ways[1] == pytest.approx(ways[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("integrator", ["xpbd", "implicit_euler", "rk4"])
+def test_a_target_that_was_reached_stays_there_in_replays_of_the_callers(integrator):
+    ends = []
+    for replayed in (True, False):
+        simulation = hanging(integrator, graph=False)
+        simulation.step(DT)
+        hand = simulation.grab(3)
+        hand.move(hand.point + np.array([0.0, 0.05, 0.0]))
+        simulation.step(DT)
+        if replayed:
+            with wp.ScopedCapture(device="cpu") as capture:
+                simulation.step(DT)
+        for _ in range(5):
+            if replayed:
+                wp.capture_launch(capture.graph)
+            else:
+                simulation.step(DT)
+        ends.append(simulation.state.particle_q.numpy())
+    np.testing.assert_array_equal(*ends)
 
 
 def test_energy_of_grabs_is_that_of_those_held_now():

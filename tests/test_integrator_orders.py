@@ -108,7 +108,11 @@ def test_tableaux_prove_their_order():
         Tableau(((), (1.0, 0.0)), (0.5, 0.5), 2)
     with pytest.raises(ValueError, match="weights that sum to 1"):
         Tableau(RK4.a, RK4.b, 4, error=(0.1, 0.0, 0.0, 0.0))
-    assert (BOGACKI_SHAMPINE.first_same_as_last, RK4.first_same_as_last) == (True, False)
+
+
+@pytest.mark.parametrize("pair", [BOGACKI_SHAMPINE, DORMAND_PRINCE])
+def test_the_last_stage_of_embedded_pairs_is_the_first_of_the_next_step(pair):
+    assert (*pair.a[-1], 0.0) == pair.b
 
 
 def test_a_new_integrator_is_a_class_and_a_line(monkeypatch):

@@ -237,6 +237,17 @@ def test_concave_obj_polygon(tmp_path):
     assert area(read_mesh(path)) == pytest.approx(2.5)
 
 
+@pytest.mark.parametrize("wrong", [[0], [0, 5, 6], [3]])
+def test_most_triangles_of_a_cloth_keep_their_side(wrong):
+    flat = Cloth.grid((1.0, 1.0), (4, 4))
+    triangles = flat.triangles.copy()
+    triangles[wrong] = triangles[wrong, ::-1]
+    facing = cloth_mesh(TriangleMesh(flat.points, triangles)).triangles
+    np.testing.assert_array_equal(np.sort(facing, axis=1), np.sort(triangles, axis=1))
+    a, b, c = (flat.points[facing[:, k]] for k in range(3))
+    assert np.all(np.cross(b - a, c - a)[:, 2] > 0.0)
+
+
 def test_cloth_mesh_turns_texture_corners_with_the_triangles():
     mesh = TriangleMesh(SQUARE, [[0, 1, 2], [0, 3, 2]], np.array(SQUARE)[:, :2], [[0, 1, 2], [0, 3, 2]])
     turned = cloth_mesh(mesh)

@@ -8,7 +8,9 @@ import trimesh
 
 import warpcloth as wc
 from warpcloth.contact.obstacle_response import ObstacleResponse
+from warpcloth.diagnostics import penetration
 from warpcloth.errors import BadStartError
+from warpcloth.transforms import rotation_matrix
 
 G = 9.81
 
@@ -160,6 +162,13 @@ def test_restitution_acts_on_the_approach_speed(shape, substeps):
     assert np.allclose(sim.state.particle_qd.numpy()[:, 2], 1.0, atol=1e-9)
 
 
+def test_what_rests_does_not_bounce():
+    """Gravity brings it towards the obstacle in each step, but that is no speed at which it arrives."""
+    sim = wc.Simulation(wc.Model.build(patch(transform=(0, 0, 0.002)), wc.Plane(restitution=0.8)), substeps=10)
+    sim.run(10)
+    assert np.abs(sim.state.particle_qd.numpy()).max() < 1e-6
+
+
 def test_cloth_rides_on_a_moving_obstacle_without_slipping():
     motion = wc.Motion.keyframes([(0, (0, 0, 0)), (2, (0.5, 0, 0.2), (0, 0, 1.0))], interpolation="smooth")
     box = wc.Box((0, 0, -0.5), (2, 2, 1), motion=motion)
@@ -178,6 +187,33 @@ def test_deforming_mesh_carries_cloth_up():
     sim = wc.Simulation(wc.Model.build(patch(transform=(0, 0, 0.003)), sheet))
     sim.run(90)
     assert np.allclose(sim.state.particle_q.numpy()[:, 2], 0.503, atol=1e-4)
+
+
+def test_a_mesh_that_deforms_fast_is_met_within_a_frame():
+    """By cloth that hardly moves itself, and was far from it."""
+    points = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    samples = np.stack([points, points + np.array([0, 0, 2.0])])
+    sheet = wc.MeshObstacle(points, [[0, 1, 2], [0, 2, 3]], sample_times=[0, 1], sample_points=samples)
+    sim = wc.Simulation(wc.Model.build(patch(transform=(0, 0, 0.02)), sheet), gravity=(0, 0, 0), substeps=20)
+    sim.step(1 / 60)
+    assert sim.state.particle_q.numpy()[:, 2].min() > 2.0 / 60.0
+
+
+def test_depths_are_ways_to_the_nearest_point_of_the_surface():
+    points = np.random.default_rng(0).uniform(-0.15, 0.15, (60, 3))
+    half = np.array([0.15, 0.1, 0.05])
+    turn = rotation_matrix((0.3, -0.2, 0.9))
+    inside = {
+        wc.Plane(): -points[:, 2],
+        wc.Sphere((0, 0, 0), 0.15): 0.15 - np.linalg.norm(points, axis=1),
+        wc.Capsule((0, 0, -0.1), (0, 0, 0.1), 0.1): 0.1
+        - np.linalg.norm(points - np.outer(np.clip(points[:, 2], -0.1, 0.1), (0, 0, 1)), axis=1),
+        wc.Box((0, 0, 0), 2 * half, rotation=(0.3, -0.2, 0.9)): np.min(half - np.abs(points @ turn), axis=1),
+    }
+    for obstacle, depths in inside.items():
+        found = [penetration(point[None], [obstacle]) for point in points]
+        np.testing.assert_allclose(found, np.maximum(depths, 0.0), atol=1e-6)
+        assert 0 < np.count_nonzero(found) < 60
 
 
 def test_cloth_starting_inside_an_obstacle_is_refused():

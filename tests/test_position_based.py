@@ -288,3 +288,12 @@ def test_a_frame_that_lasts_next_to_nothing_does_not_throw_cloth_about(name, opt
             speeds.append(np.linalg.norm(sim.state.particle_qd.numpy(), axis=1).max())
         fastest[rest] = max(speeds)
     assert fastest[1e-6] < 2.0 * fastest[None]
+
+
+@pytest.mark.parametrize(("name", "sweeps"), [("xpbd", 4), ("vbd", 3)])
+def test_sweeps_count_as_evaluations_as_they_look_at_every_spring(name, sweeps):
+    model = wc.Model.build(wc.Cloth.grid((0.3, 0.3), (5, 5), pins="left"))
+    sim = wc.Simulation(model, name, substeps=3, graph=False, integrator_options={"iterations": sweeps})
+    for frame in range(1, 3):
+        sim.step(1 / 60)
+        assert sim.forces.evaluations == frame * 3 * sweeps

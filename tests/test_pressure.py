@@ -23,9 +23,9 @@ def bag(inflation: wc.Inflation, subdivisions: int = 1, inward: bool = False) ->
     return wc.Cloth.from_mesh(ball, fabric, inflation=inflation)
 
 
-def crumpled(inflation: wc.Inflation) -> tuple[Forces, State]:
+def crumpled(inflation: wc.Inflation, inward: bool = False) -> tuple[Forces, State]:
     beside = wc.Cloth.grid((0.1, 0.1), (3, 3), transform=(1.0, 0.0, 0.0), name="open")
-    model = wc.Model.build([beside, bag(inflation)], precision="float64")
+    model = wc.Model.build([beside, bag(inflation, inward=inward)], precision="float64")
     state = State.of(model)
     state.particle_q.assign(state.particle_q.numpy() + np.random.default_rng(0).normal(0.0, 0.01, (51, 3)))
     return Forces(model, [Pressure(model)], model.array(np.zeros((1, 3)), model.vec3)), state
@@ -37,9 +37,10 @@ def evaluated(forces: Forces, state: State) -> np.ndarray:
     return state.particle_f.numpy().copy()
 
 
+@pytest.mark.parametrize("inward", [False, True])
 @pytest.mark.parametrize("inflation", KINDS)
-def test_force_is_the_slope_of_the_energy_and_balanced(inflation):
-    forces, state = crumpled(inflation)
+def test_force_is_the_slope_of_the_energy_and_balanced(inflation, inward):
+    forces, state = crumpled(inflation, inward)
     f, middle, h = evaluated(forces, state), state.particle_q.numpy().copy(), 1e-5
     assert np.array_equal(f[:9], np.zeros((9, 3)))  # the open cloth
     assert np.linalg.norm(f) > 0.1
@@ -52,6 +53,17 @@ def test_force_is_the_slope_of_the_energy_and_balanced(inflation):
     scale = np.abs(f).sum()
     assert np.abs(f.sum(axis=0)).max() <= 1e-13 * scale
     assert np.abs(np.cross(middle, f).sum(axis=0)).max() <= 1e-13 * scale
+
+
+@pytest.mark.parametrize("inward", [False, True])
+def test_a_gas_pushes_out_even_where_it_has_been_turned_inside_out(inward):
+    forces, state = crumpled(KINDS[1], inward)
+    mirrored = state.particle_q.numpy()
+    mirrored[9:] *= -1.0
+    grows = evaluated(crumpled(wc.Inflation(1.0), inward)[0], state)  # of 1 Pa: the slope of the volume
+    state.particle_q.assign(mirrored)
+    assert np.sum(evaluated(forces, state) * grows) > 0.0
+    assert np.isfinite(forces.energy(state)["pressure"])
 
 
 def test_matrix_of_a_gas_is_its_resistance_to_changes_of_volume():

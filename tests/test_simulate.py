@@ -241,3 +241,4 @@ def test_the_profile_has_the_stages_of_contact(tmp_path):
     assert napkin > towel  # it is still above
     plain = simulate(scene, tmp_path / "plain.usda")
     assert np.array_equal(*(points(r.output, "/World/Cloth/napkin", 6) for r in (result, plain)))
+    assert simulate(scene, tmp_path / "first.usda", frames=1, profile=True).profile_ms == {}  # it loads the kernels

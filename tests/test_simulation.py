@@ -19,10 +19,14 @@ def sheet(n=10, **options) -> wc.Cloth:
     return wc.Cloth.grid(size=(0.4, 0.4), resolution=(n, n), **options)
 
 
+def phase(sim: wc.Simulation) -> np.ndarray:
+    return np.hstack([sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()])
+
+
 def final(model: wc.Model, frames=30, **options) -> np.ndarray:
     sim = wc.Simulation(model, **options)
     sim.run(frames)
-    return np.hstack([sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()])
+    return phase(sim)
 
 
 @pytest.mark.parametrize("substeps", ["auto", 31])
@@ -201,9 +205,6 @@ def test_misuse_is_one_sentence():
         wc.Simulation(model).step(0.0)
 
 
-BALL = wc.Sphere((0, 0, -9), 1)
-
-
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
@@ -294,3 +295,47 @@ def test_automatic_substeps_know_what_springs_are_like_when_all_is_reset():
     sim.run(5)
     assert sim.substeps > 5 * first
     assert sim.metrics()["max_strain"] < 0.1
+
+
+class Damper(wc.Hook):
+    """Takes a part of all velocities, before or after each step."""
+
+    def __init__(self, when: str):
+        self.when = when
+
+    def before_step(self, state: wc.State, dt: float) -> None:
+        if self.when == "before":
+            state.particle_qd.assign(0.99 * state.particle_qd.numpy())
+
+    def after_step(self, start: wc.State, end: wc.State, dt: float) -> None:
+        if self.when == "after":
+            end.particle_qd.assign(0.99 * end.particle_qd.numpy())
+
+
+@pytest.mark.parametrize("hooks", [[], [Damper("before")], [Damper("after")]])
+@pytest.mark.parametrize("name", ["velocity_verlet", "bogacki_shampine", "dormand_prince"])
+def test_a_frame_of_two_substeps_is_two_frames_of_one(name, hooks):
+    """Forces at the end of a step serve the next one only where neither contact nor a hook has changed that end."""
+    fabric = wc.Fabric(damping_time=0.0 if name == "velocity_verlet" else 1e-3)
+    model = wc.Model.build(sheet(6, fabric=fabric, pins="left"), [wc.Sphere((0.0, 0.0, -0.152), 0.15)])
+    ends = []
+    for substeps in (1, 2):
+        sim = wc.Simulation(model, name, substeps=substeps, hooks=hooks, graph=False)
+        sim.run(200 // substeps, fps=1000 / substeps)
+        ends.append(phase(sim))
+    assert np.abs(ends[0] - np.hstack([model.particle_q.numpy(), model.particle_qd.numpy()])).max() > 0.01
+    np.testing.assert_array_equal(*ends)
+
+
+def test_single_steps_see_that_the_caller_moved_the_cloth():
+    model = wc.Model.build(sheet(6, fabric=wc.Fabric(damping_time=0.0), pins="left"))
+    ends = []
+    for late in (True, False):
+        sim = wc.Simulation(model, "velocity_verlet", substeps=2)
+        if late:
+            sim.step(1e-4)
+        sim.state.particle_q.assign(1.1 * model.particle_q.numpy())
+        sim.state.particle_qd.zero_()
+        sim.substep(1e-4)
+        ends.append(phase(sim))
+    np.testing.assert_array_equal(*ends)

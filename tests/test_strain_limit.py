@@ -1,5 +1,7 @@
 """Strain limiting: gradient, momenta, the biphasic tensile curve at any resolution and with every kind of scheme."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -80,6 +82,21 @@ def test_hanging_strip_is_biphasic_at_any_resolution(integrator, substeps, cells
     expected = np.where(load < 5.0, load / 100.0, 0.05 + (load - 5.0) / 2100.0)
     assert load.max() > 5.0
     np.testing.assert_allclose(strain, expected, rtol=0.02)
+
+
+@pytest.mark.parametrize("pins", [None, "left"])
+def test_a_yarn_by_itself_is_limited_as_implicit_euler_has_it(pins):
+    """Schemes that solve for springs alone take the limit afterwards, one spring after the other."""
+    yarn = replace(LIMITED, stretch_stiffness=1e-6, damping_time=0.0)
+    model = wc.Model.build(wc.Cloth.grid((0.1, 0.1), (2, 2), yarn, pins=pins), precision="float64")
+    ends = []
+    for name, options in (("xpbd", {"iterations": 1}), ("implicit_euler", {"tolerance": 1e-12})):
+        sim = wc.Simulation(model, name, (0, 0, 0), 1, contact="none", integrator_options=options)
+        sim.state.particle_q.assign(model.particle_q.numpy() * (1.2, 1.0, 1.0))
+        sim.step(1e-3)
+        ends.append(np.hstack([sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()]))
+    np.testing.assert_allclose(*ends, atol=1e-7)
+    assert np.abs(ends[0][:, 3]).max() > 1.0
 
 
 def test_captured_frames_equal_plain_ones():

@@ -8,9 +8,10 @@ import warpcloth as wc
 from warpcloth.cli import run
 from warpcloth.diagnostics import check_start_for, penetration_depths
 from warpcloth.errors import BadStartError
-from warpcloth.intersections import intersections
+from warpcloth.intersections import Triangles, intersections
+from warpcloth.meshes import TriangleMesh
 from warpcloth.state import State
-from warpcloth.untangle import untangle
+from warpcloth.untangle import contour_moves, untangle
 
 
 def placed(z: float, turn: float, tilt: float) -> np.ndarray:
@@ -154,3 +155,22 @@ def test_the_command_line_refuses_and_untangles(tmp_path, monkeypatch, capfd):
     assert not (tmp_path / "crossed.usdc").exists()
     assert run(["simulate", "crossed.toml", "--untangle"]) == 0
     assert "start untangled" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("angle", [0.05, 0.6])
+def test_ways_out_do_not_depend_on_which_side_is_the_front(angle):
+    """Nor on which way around edges go, also where they nearly graze what they pass through."""
+    turn = np.array([[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0], [np.sin(angle), 0, np.cos(angle)]])
+    flat = wc.Cloth.grid((0.2, 0.2), (6, 6))
+    tilted = (flat.points + np.array([0.011, 0.007, 0.0])) @ turn.T
+    moves = []
+    for flips in ((False, False), (True, False), (False, True)):
+        cloths = []
+        for name, placed, flipped in zip("ab", (flat.points, tilted), flips, strict=True):
+            mesh = TriangleMesh(placed, flat.triangles, name=name)
+            cloths.append(wc.Cloth.from_mesh(mesh.flipped() if flipped else mesh))
+        model = wc.Model.build(cloths, precision="float64")
+        moves.append(contour_moves(Triangles(model), State.of(model)))
+    assert np.count_nonzero(np.linalg.norm(moves[0], axis=1) > 0.5) > 10
+    for other in moves[1:]:
+        np.testing.assert_allclose(other, moves[0], atol=1e-9)

@@ -15,6 +15,7 @@ from usd_shots import FPS, frame_of, one_of_each, partial_of, two_cloths, write_
 from warpcloth.scenes.usd import CacheWriter, growing
 from warpcloth.scenes.usd.crate import read_tables, save_again
 from warpcloth.scenes.usd.mesh_prims import ClothPrim
+from warpcloth.scenes.usd.obstacle_prims import ObstaclePrim
 
 from warpcloth import Cloth
 from warpcloth.errors import DivergedError, InputError, UsdError
@@ -89,16 +90,17 @@ def test_impossible_inputs(tmp_path, fps):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_frame_that_was_interrupted_is_dropped(tmp_path, monkeypatch):
+@pytest.mark.parametrize(("kind", "name"), [(ClothPrim, "red_flag_1"), (ObstaclePrim, "breathing")])
+def test_a_frame_that_was_interrupted_is_dropped(kind, name, tmp_path, monkeypatch):
     cloths, path = two_cloths(), tmp_path / "shot.usdc"
-    original = ClothPrim.write
+    original = kind.write
 
-    def interrupted(self, code, points, velocities):
-        if code == 5 and self.prim.GetName() == "red_flag_1":
+    def interrupted(self, code, *values):
+        if code == 5 and self.prim.GetName() == name:
             raise KeyboardInterrupt
-        return original(self, code, points, velocities)
+        return original(self, code, *values)
 
-    monkeypatch.setattr(ClothPrim, "write", interrupted)
+    monkeypatch.setattr(kind, "write", interrupted)
     with pytest.raises(KeyboardInterrupt), CacheWriter(path, cloths, one_of_each(), FPS) as writer:
         write_frames(writer, cloths, range(20))
     assert writer.frames == 5

@@ -231,7 +231,7 @@ def test_a_timeline():
     assert (still.frame, still.last) == (0, 0)
 
 
-def test_frames_that_take_long_are_shown_in_parts(session):
+def test_frames_that_take_long_are_shown_in_parts(session, tmp_path):
     step, numbers = session.stage.step, []
 
     def slow(slices=1):
@@ -247,6 +247,12 @@ def test_frames_that_take_long_are_shown_in_parts(session):
     assert numbers[-1] == (4, 5)  # 25 ms each, of 50 that they may take
     assert session.snapshot.time == pytest.approx(12 / 30)
     assert (session.snapshot.slices, session.snapshot.substeps) == (4, 20)
+    session._order(session._part)
+    session.wait()
+    assert session.snapshot.time == pytest.approx(12.25 / 30)
+    session.record(tmp_path / "whole.usdc")  # which begins when the frame in hand is whole
+    session.wait()
+    assert session.snapshot.time == pytest.approx(13 / 30)
 
 
 def test_gravity_and_wind_change_at_once_and_a_flood_of_changes_is_one(session):

@@ -64,7 +64,20 @@ def test_worlds_go_on_in_another_model(name, kept):
     np.testing.assert_array_equal(rest.settled_worlds(), whole.settled_worlds()[kept])
 
 
-@pytest.mark.parametrize("name", ["xpbd", "bdf2", "symplectic_euler"])
+def test_automatic_substeps_stay_in_another_model():
+    """Though the world that needed them is not there any more."""
+    stiff = replace(SOFT, stretch_stiffness=2000.0)
+    worlds = [([cloth(0.02)], []), ([cloth(0.02, fabric=stiff)], [])]
+    whole, rest, alone = (wc.Simulation(wc.Model.build_worlds(own)) for own in (worlds, worlds[:1], worlds[:1]))
+    whole.run(2)
+    rest.continue_from(whole, [0])
+    for sim in (whole, rest, alone):
+        sim.run(2)
+    np.testing.assert_array_equal(phase(rest), phase(whole)[whole.model.particle_world.numpy() == 0])
+    assert rest.substeps == whole.substeps > 2 * alone.substeps
+
+
+@pytest.mark.parametrize("name", ["xpbd", "bdf2", "symplectic_euler", "dormand_prince"])
 def test_a_frame_done_again_for_want_of_memory_is_the_same(name, monkeypatch):
     roomy = simulation(WORLDS, name, contact="all")
     roomy.run(4)
@@ -96,6 +109,17 @@ def test_worlds_that_are_reset_begin_anew(name):
     np.testing.assert_array_equal(phase(sim), phase(fresh))
 
 
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in INDEPENDENT])
+def test_all_worlds_begin_anew_where_they_share_steps(name):
+    sim, fresh = (simulation(WORLDS, name) for _ in range(2))
+    sim.run(2)
+    sim.reset()
+    for one in (sim, fresh):
+        one.run(2)
+    np.testing.assert_array_equal(phase(sim), phase(fresh))
+    assert sim.integrator.metrics() == fresh.integrator.metrics()
+
+
 @pytest.mark.parametrize(
     ("mask", "sentence"),
     [
@@ -111,11 +135,12 @@ def test_masks_that_do_not_fit_are_refused(mask, sentence):
 
 
 def test_a_reset_world_is_not_at_rest():
-    sim = simulation([([wc.Cloth.grid((0.1, 0.1), (3, 3), transform=(0, 0, 0.0021))], [wc.Plane()])])
+    """Others still are."""
+    sim = simulation(2 * [([wc.Cloth.grid((0.1, 0.1), (3, 3), transform=(0, 0, 0.0021))], [wc.Plane()])])
     sim.run(18)
     assert sim.settled
-    sim.reset([True])
-    assert not sim.settled
+    sim.reset([True, False])
+    assert sim.settled_worlds().tolist() == [False, True]
 
 
 def test_each_world_is_measured_by_itself():
@@ -137,5 +162,8 @@ def test_worlds_come_to_rest_one_by_one():
     sim.run(18)
     assert sim.settled_worlds().tolist() == [True, False]
     assert not sim.settled
+    rest = simulation([([low], [wc.Plane()])])
+    rest.continue_from(sim, [0])
+    assert rest.settled
     sim.run(60)
     assert sim.settled

@@ -46,10 +46,11 @@ class Backup:
         self.before.copy_from(self.state)
         for copy, array in self._copies:
             wp.copy(copy, array)
+        self._integrator.remember()
         self._contact.remember()
 
     def _restore(self) -> None:
-        self._integrator.reset()
+        self._integrator.recall()
         self.state.copy_from(self.before)
         for copy, array in self._copies:
             wp.copy(array, copy)

@@ -94,7 +94,7 @@ class Motion:
 
     @property
     def moves(self) -> bool:
-        """Whether any two keys differ, or the single pose is not the initial one."""
+        """Whether any key has another pose than the initial one."""
         keys = np.hstack([self.positions, self.rotations])
         return bool(np.any(keys != 0.0))
 

@@ -207,6 +207,7 @@ class Simulation:
         """One step of the integrator, dt [s], without what :meth:`step` does for whole frames: no automatic substeps,
         no checks, no contact among cloths; ``time`` stays, the worlds' clocks go on. For gradients."""
         dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
+        self.state.forces_current = False  # the caller may have changed the state since the last step
         if not self.model.differentiable:  # rollouts do that by themselves
             self._prepare()
         self._substep(self.state, self._other, dt)
@@ -279,7 +280,7 @@ class Simulation:
 
     @launches
     def continue_from(self, other: "Simulation", worlds: Sequence[int]) -> None:
-        """Goes on where ``other`` is, with some of its worlds: each does from here on what it would have done there.
+        """Goes on where ``other`` is with some of its worlds, each as it would there if the integrator couples none.
 
         Args:
             other: a simulation with the same options, between two frames.
@@ -327,7 +328,6 @@ class Simulation:
         later.forces_current = False
         for hook in self.hooks:
             hook.before_step(now, dt)
-            now.forces_current = False
         self.contact.place(now, dt)
         with self.watch.stage("integrate"):
             self.integrator.step(self.model, now, later, self.forces, dt)
@@ -340,7 +340,7 @@ class Simulation:
         for hook in self.hooks:
             hook.after_step(now, later, dt)
         self.forces.advance(later)
-        later.forces_current &= not (self.contact.acts or self.hooks)
+        later.forces_current &= not (self.contact.acts or self.hooks)  # which change it, or will at the next step
         advance = self.model.kernels.particles.advance_time
         launch(advance, self.model.world_count, [dt], [now.world_time], self.model.device)
 

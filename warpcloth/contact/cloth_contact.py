@@ -20,7 +20,7 @@ from ..surface import Surface, world_edges
 from .hold import Hold
 from .intervals import intervals_needed
 from .pair_finder import PairFinder
-from .pair_list import PairList, loop_width
+from .pair_list import PairList
 
 SEPARATION = 1e-6  # [m] that the guard keeps between any two; well above the rounding of float32 at a metre
 REACH = 1.25  # pairs nearer than this many contact distances are listed
@@ -62,9 +62,10 @@ class ClothContact:
         self.torn = wp.zeros(model.world_count, dtype=wp.int32, device=device)
         self.impacts, self.remaining, self.rounds = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(3))
         self.counts, self.counts_before = (wp.zeros(4, dtype=wp.int32, device=device) for _ in range(2))
-        self.finder, self.width = PairFinder(model, self.surface), loop_width(device)
+        self.finder = PairFinder(model, surface)
+        self.width = self.finder.width
         self.met = wp.zeros(n, dtype=wp.int32, device=device)
-        self.hold = Hold(model, self.surface, self.finder, self.pairs, SEPARATION)
+        self.hold = Hold(model, surface, self.finder, self.pairs, SEPARATION)
 
     def intervals(self, dt: float) -> int:
         """Intervals in a frame of dt [s]: as many as the world with the fastest obstacles and finest cloth needs."""

@@ -11,7 +11,7 @@ from ..model import Model
 from ..surface import Surface, triangle_worlds
 
 
-def tree_groups(model: Model, surface: Surface) -> np.ndarray:
+def tree_groups(surface: Surface) -> np.ndarray:
     """Of each triangle the part of a tree that it belongs to, int, shape [tri_count].
 
     There are two for each world, as worlds are all in one place: its cloth, and its obstacles. A fast mesh that
@@ -31,7 +31,7 @@ class BinaryTree:
 
     def __init__(self, model: Model, surface: Surface, known: wp.array):
         self._kernels, self._surface = model.kernels.contact_candidates, surface
-        groups, count = tree_groups(model, surface), 2 * model.world_count
+        groups, count = tree_groups(surface), 2 * model.world_count
         self._boxes = [wp.zeros(len(groups), dtype=wp.vec3, device=model.device) for _ in range(2)]
         self._box(known, 0.0)
         lower, upper = self._boxes
@@ -64,7 +64,7 @@ class WideTree:
         self._kernels, self._surface, self._device = model.kernels.contact_tree, surface, model.device
         width, triangles = self._kernels.WIDTH, surface.tri_indices.numpy().reshape(-1, 3)
         middle = surface.rest.numpy()[triangles].mean(axis=1)
-        groups = members(tree_groups(model, surface), 2 * model.world_count)
+        groups = members(tree_groups(surface), 2 * model.world_count)
         orders = [own[spatial_order(middle[own])] for own in groups]
         levels = tree_levels([len(order) for order in orders], width)
         self._level_sizes = [int(sizes.sum()) for sizes in levels]

@@ -136,7 +136,9 @@ class Grabs:
         self._held.assign(held)
 
     def end_frame(self) -> None:
-        """The targets have been reached."""
+        """The targets have been reached, and are where frames go on that the caller replays."""
+        if not self._idle:
+            wp.copy(self._grabs.target_from, self._grabs.target_to)
         self._before = self.targets.copy()
         self._within_frame = False
 

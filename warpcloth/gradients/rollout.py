@@ -204,7 +204,6 @@ class Rollout:
         for k in range(first, last):
             if kept is not None:
                 kept.take(k - first)
-            simulation.state.forces_current = False  # so that a step does not depend on where segments begin
             simulation.substep(self._dt)
             frame = (k + 1) // self.substeps
             if kept is None and (k + 1) % self.substeps == 0 and frame in self._observed:
@@ -225,7 +224,6 @@ class Rollout:
             self._add_gradients()
         finally:
             self._present.put(0)
-            self.simulation.state.forces_current = False
 
     def _add_gradients(self) -> None:
         assert self._derived is not None

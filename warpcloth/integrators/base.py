@@ -81,6 +81,14 @@ class Integrator(Protocol):
         """
         return ()
 
+    def remember(self) -> None:
+        """Before a frame: keeps what the next step depends on, or metrics tell, and is in no array."""
+        return None
+
+    def recall(self) -> None:
+        """Back to what :meth:`remember` kept."""
+        return None
+
     def metrics(self) -> dict[str, Any]:
         """What the latest steps cost and whether their solvers converged; empty for schemes that solve nothing."""
         return {}

@@ -1,6 +1,7 @@
 """Adaptive Runge–Kutta methods: embedded pairs under error control."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -61,12 +62,22 @@ class EmbeddedPair(RungeKutta):
         self._error = wp.zeros(1, dtype=model.real, device=model.device)
         self._trial = [State.of(model), State.of(model)]
         self.reset()
+        self.remember()
 
     def reset(self) -> None:
         """Forgets the step size and the counts."""
         self.control = StepControl(self.order)
         self.size = math.inf
         self.accepted = self.rejected = 0
+
+    def remember(self) -> None:
+        """Keeps the step size, what it depends on, and the counts."""
+        self._kept = replace(self.control), self.size, self.accepted, self.rejected
+
+    def recall(self) -> None:
+        """Back to what :meth:`remember` kept."""
+        control, self.size, self.accepted, self.rejected = self._kept
+        self.control = replace(control)
 
     def metrics(self) -> dict[str, Any]:
         """``accepted_steps`` and ``rejected_steps`` since the start, ``step_size`` [s] of the step to come."""

@@ -58,11 +58,6 @@ class Tableau:
         return self.matrix.sum(axis=1)
 
     @property
-    def first_same_as_last(self) -> bool:
-        """Whether the last stage is the end of the step, so that the next step can begin with its force."""
-        return self.stages > 1 and (*self.a[-1], 0.0) == self.b
-
-    @property
     def stability_polynomial(self) -> np.ndarray:
         """Coefficients r_j of R(z) = Σ r_j z^j, where y′ = λ y gives y ← R(hλ) y: r_0 = 1, r_{j+1} = b·a^j·1."""
         coefficients, u = [1.0], np.ones(self.stages)

@@ -11,7 +11,6 @@ from .setup import Setup
 JITTER = 0.3  # of a cell, by which the vertices of irregular meshes are displaced
 CLEAR = 0.6  # of a cell, between the vertices inside and those on the outline
 THINNEST = 1e-4  # area of a triangle over a cell, below which it is a sliver of the outline
-INSIDE = 1e-6
 
 
 def rectangle(
