@@ -308,12 +308,13 @@ def test_the_tape_begins_again_when_all_is_reset():
     released, held = sim.grab(2), sim.grab(4)
     sim.run(3)
     released.release()
-    held.move(held.point + (0.0, 0.1, 0.1))
+    held.move(np.add(held.point, (0.0, 0.1, 0.1)))
     before = sim.tape
     sim.reset()
-    assert len(before.events) == 4 and sim.tape is not before
+    assert len(before.events) == 4
+    assert sim.tape is not before
     sim.run(3)
-    held.move(held.point + (0.1, 0.0, 0.1))
+    held.move(np.add(held.point, (0.1, 0.0, 0.1)))
     sim.run(2)
     again = wc.Simulation(model, "xpbd", substeps=5)
     player = GrabTape.from_json(sim.tape.to_json()).play(again)
