@@ -106,6 +106,18 @@ def test_sliding_distance_on_an_incline(kind, substeps):
 
 
 @pytest.mark.parametrize("kind", ["plane", "box", "mesh"])
+@pytest.mark.parametrize("substeps", [15, 40, 100])
+def test_sliding_distance_with_friction_in_the_solution_of_a_step(kind, substeps):
+    """Of a box as large as this one rounding held the cloth fast, with 30 steps a frame and more."""
+    cloth, obstacle, down = slope(math.radians(30.0), 0.3, kind)
+    sim = wc.Simulation(wc.Model.build(cloth, obstacle), "implicit_euler", substeps=substeps)
+    start = sim.state.particle_q.numpy().mean(axis=0)
+    sim.run(30, fps=60)
+    distance = (sim.state.particle_q.numpy().mean(axis=0) - start) @ down
+    assert distance == pytest.approx(0.294536, rel=0.02)
+
+
+@pytest.mark.parametrize("kind", ["plane", "box", "mesh"])
 @pytest.mark.parametrize("substeps", [10, 100])
 def test_sticking_threshold_on_an_incline(kind, substeps):
     threshold = math.degrees(math.atan(0.3))

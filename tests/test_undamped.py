@@ -135,9 +135,19 @@ def test_steps_of_xpbd_are_no_longer_than_its_sweeps_allow_nor_than_contact_does
     assert substeps(12.0, "all") == 45
 
 
-def test_other_steps_are_as_they_were():
+@pytest.mark.parametrize("name", ["vbd", "pbd", "projective_dynamics"])
+def test_steps_of_other_position_based_schemes_are_no_longer_than_contact_allows_either(name):
+    model = wc.Model.build(replace(sheet(), velocity=(0.0, 12.0, 0.0)))
+    alone, among = (wc.Simulation(model, name, contact=contact).substeps_for(0.024) for contact in ("none", "all"))
+    assert alone < among == 45
+
+
+def test_steps_of_explicit_schemes_are_as_long_as_they_are_stable():
     cloth = replace(sheet(), velocity=(0.0, 6.0, 0.0))
-    counts = [wc.Simulation(wc.Model.build(c), "vbd", contact="all").substeps_for(0.024) for c in (sheet(), cloth)]
+    counts = [
+        wc.Simulation(wc.Model.build(c), "symplectic_euler", contact="all").substeps_for(0.024)
+        for c in (sheet(), cloth)
+    ]
     assert counts[0] == counts[1]
 
 

@@ -10,28 +10,20 @@ import warp as wp
 from .kernels import KernelSet
 from .launching import launch, refit
 from .obstacles import Box, Capsule, MeshObstacle, Obstacle, Plane, Sphere
-
-
-def _rotation_from_z(direction: np.ndarray) -> np.ndarray:
-    """Rotation vector of the shortest turn that takes the z axis to ``direction``."""
-    x, y, z = direction / np.linalg.norm(direction)
-    sine = np.hypot(x, y)
-    if sine == 0.0:
-        return np.array([0.0 if z > 0.0 else np.pi, 0.0, 0.0])
-    return np.arctan2(sine, z) / sine * np.array([-y, x, 0.0])
+from .transforms import rotation_from_z
 
 
 def _frame(obstacle: Obstacle) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
     """Kind, size parameters, rest position and rest rotation vector of the shape's own frame."""
     zero = np.zeros(3)
     if isinstance(obstacle, Plane):
-        return "PLANE", zero, obstacle.point, _rotation_from_z(obstacle.normal)
+        return "PLANE", zero, obstacle.point, rotation_from_z(obstacle.normal)
     if isinstance(obstacle, Sphere):
         return "SPHERE", np.array([obstacle.radius, 0.0, 0.0]), obstacle.center, zero
     if isinstance(obstacle, Capsule):
         axis = obstacle.end - obstacle.start
         half = 0.5 * np.linalg.norm(axis)
-        return "CAPSULE", np.array([obstacle.radius, half, 0.0]), obstacle.centre, _rotation_from_z(axis)
+        return "CAPSULE", np.array([obstacle.radius, half, 0.0]), obstacle.centre, rotation_from_z(axis)
     if isinstance(obstacle, Box):
         return "BOX", 0.5 * obstacle.size, obstacle.center, obstacle.rotation
     if isinstance(obstacle, MeshObstacle):

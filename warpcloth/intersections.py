@@ -12,7 +12,7 @@ from .surface import Surface, triangle_worlds
 
 
 class Triangles:
-    """All triangles of a model, those of boxes and meshes included, for counting and parting those that meet."""
+    """All triangles of a model, those of obstacles with facets included, for counting and parting those that meet."""
 
     def __init__(self, model: Model):
         self.model, self.surface = model, Surface(model)
@@ -59,7 +59,8 @@ def intersections(model: Model, state: State) -> np.ndarray:
     """Pairs of triangles that meet, touching included, apart from vertices that they have in common.
 
     Returns:
-        per world the pairs of two of cloth, and those of one of cloth and one of a box or mesh; shape [world_count, 2].
+        per world the pairs of two of cloth, and those of one of cloth and one of an obstacle that has facets
+        (see :func:`~warpcloth.facets.faceted`); shape [world_count, 2].
     """
     if model.tri_count == 0:
         return np.zeros((model.world_count, 2), np.int32)

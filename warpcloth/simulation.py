@@ -39,8 +39,8 @@ class Simulation:
         integrator: name of the scheme, see ``warpcloth.integrators()``.
         integrator_options: keyword options of the scheme, such as iteration counts.
         gravity: acceleration [m/s²], shape [3], or one per world, shape [world_count, 3].
-        substeps: integrator steps per call of :meth:`step`, or "auto": as few as are stable for the model as it is when
-            it starts, and with contact as keep cloth from moving by more than a part of a cell in some schemes' steps.
+        substeps: integrator steps per call of :meth:`step`, or "auto": as few as are stable for the model at the start,
+            and with contact as keep cloth from moving by more than a part of a cell at once (not explicit schemes).
         contact: "obstacles", "all" (cloth with itself, other cloth and the edges of obstacles, too), or "none".
         air: the :class:`Air` that triangles of cloth move through, or one per world; None: a vacuum.
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.

@@ -1,4 +1,4 @@
-"""The surface that takes part in contact: all cloths, then the obstacles with edges: boxes and meshes.
+"""The surface that takes part in contact: all cloths, then obstacles with edges, or that fit between particles.
 
 Obstacle vertices are particles without inverse mass, whose places are prescribed. So the edges and corners of an
 obstacle meet cloth just as cloth does, and cannot poke through between its particles.
@@ -7,43 +7,14 @@ obstacle meet cloth just as cloth does, and cannot poke through between its part
 import numpy as np
 import warp as wp
 
+from .facets import Facets, faceted
 from .launching import copy, launch
 from .model import Model
-from .obstacles import Box, MeshObstacle, Obstacle
-from .transforms import apply, rotation_matrix
-
-# Corner k of a box has the signs of the bits of k (x first); two triangles a face, counter-clockwise from outside.
-_BOX_CORNERS = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)])
-_BOX_FACES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-_BOX_TRIANGLES = np.array([t for a, b, c, d in _BOX_FACES for t in ((a, b, c), (a, c, d))], np.int32)
-
-
-class Facets:
-    """The corners and triangles of one obstacle: local points, the same in the world at rest [m], and indices."""
-
-    def __init__(self, shape: int, world: int, obstacle: Box | MeshObstacle):
-        self.shape, self.world, self.obstacle = shape, world, obstacle
-        if isinstance(obstacle, Box):
-            self.local, self.triangles = _BOX_CORNERS * obstacle.size, _BOX_TRIANGLES
-            self.rest = self.local @ rotation_matrix(obstacle.rotation).T + obstacle.center
-        else:
-            self.local, self.triangles = obstacle.points - obstacle.centre, obstacle.triangles
-            self.rest = obstacle.points
-
-    def at(self, t: float) -> np.ndarray:
-        """The corners in the world at time t [s], shape [n, 3] [m]."""
-        if isinstance(self.obstacle, MeshObstacle):
-            return self.obstacle.points_at(t)
-        return apply(self.obstacle.matrix(t), self.rest)
-
-
-def faceted(obstacles: list[tuple[int, Obstacle, int]]) -> list[Facets]:
-    """Those of the model's obstacles, in the order of its shapes, that have edges and corners."""
-    return [Facets(s, row[0], row[1]) for s, row in enumerate(obstacles) if isinstance(row[1], Box | MeshObstacle)]
+from .obstacles import MeshObstacle
 
 
 class Surface:
-    """Particles and triangles of cloth, then of boxes and meshes.
+    """Particles and triangles of cloth, then of boxes, meshes, and what else fits between particles.
 
     Attributes:
         particle_count, cloth_particles, tri_count, cloth_tris: numbers of all, and of those of cloth.
@@ -57,7 +28,7 @@ class Surface:
     def __init__(self, model: Model):
         self.model = model
         self.cloth_particles, self.cloth_tris = model.particle_count, model.tri_count
-        solids = faceted(model.shapes.obstacles)
+        solids = faceted(model.shapes.obstacles, longest_edges(model))
         self._sizes = [len(solid.local) for solid in solids]
         self._deforming = self._find_deforming(solids)
 
@@ -125,7 +96,22 @@ def triangle_worlds(tri_indices: wp.array, particle_world: wp.array) -> wp.array
 
 def median_edge(points: np.ndarray, triangles: np.ndarray) -> float:
     """Median length [m] of the edges of triangles, shape [m, 3], over points, shape [n, 3]."""
-    return float(np.median(np.linalg.norm(points[triangles] - points[np.roll(triangles, 1, axis=1)], axis=2)))
+    return float(np.median(edge_lengths(points, triangles)))
+
+
+def edge_lengths(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Lengths [m] of the edges of triangles, shape [m, 3], over points, shape [n, 3]."""
+    return np.asarray(np.linalg.norm(points[triangles] - points[np.roll(triangles, 1, axis=1)], axis=2))
+
+
+def longest_edges(model: Model) -> dict[int, float]:
+    """Of each world with cloth: its longest edge [m]."""
+    points, triangles = model.particle_q.numpy(), model.tri_indices.numpy()
+    edges: dict[int, float] = {}
+    for cloth in model.cloths:
+        lengths = edge_lengths(points, triangles[cloth.tri_start : cloth.tri_stop])
+        edges[cloth.world] = max(float(lengths.max(initial=0.0)), edges.get(cloth.world, 0.0))
+    return edges
 
 
 def world_edges(model: Model) -> dict[int, float]:

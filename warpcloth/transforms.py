@@ -18,6 +18,15 @@ def rotation_matrix(rotation: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * cross + 2.0 * np.sin(0.5 * angle) ** 2 * (cross @ cross)
 
 
+def rotation_from_z(direction: np.ndarray) -> np.ndarray:
+    """Rotation vector of the shortest turn that takes the z axis to ``direction``."""
+    x, y, z = direction / np.linalg.norm(direction)
+    sine = np.hypot(x, y)
+    if sine == 0.0:
+        return np.array([0.0 if z > 0.0 else np.pi, 0.0, 0.0])
+    return np.arctan2(sine, z) / sine * np.array([-y, x, 0.0])
+
+
 def as_matrix(transform: Any, what: str) -> np.ndarray:
     """A 4 × 4 affine matrix from None (identity), a translation of three numbers [m], or a 4 × 4 matrix.
 

@@ -43,6 +43,11 @@ class PositionStep(Integrator):
     solved_forces: ClassVar[tuple[str, ...]] = ("springs",)
     needs_inertial = False  # whether a scheme asks for δ̂ when it is no longer where the solution began
     sweep_value = 1.0  # sweeps of XPBD that an iteration is worth on hanging cloth
+    # With XPBD a ball going through a curtain had 7,000 impacts in 144 frames with 1, 3,000 with 1.25 and 600 with 1.5,
+    # and a wrung cloth ended with 5.2, 5.6 and 0.2 % of mean strain; linen falling on a ball took 0.75, 1 and 1.2 times
+    # as long as with one sweep and its own steps. In piles of five coarse sheets single vertices moved at 0.28 m/s in
+    # the schemes' own 2 steps a frame, at 0.19 with 1 and 0.085 with 1.5, where all came to rest.
+    steps_per_travel = 1.5
 
     def __init__(self, model: Model, iterations: int, warm_start: float = 0.0):
         self.iterations = validate.integer(iterations, "iterations", minimum=1, maximum=MAX_ITERATIONS)
