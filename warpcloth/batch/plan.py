@@ -15,7 +15,7 @@ from .prepared import prepare
 from .sweep import Sweep
 
 # Particles stepped together: enough that launching kernels costs little beside running them, see benchmarks/README.md.
-CPU_PARTICLES, GPU_PARTICLES = 16_384, 1_048_576
+CPU_PARTICLES, GPU_PARTICLES = 4_096, 1_048_576
 MOST_WORLDS = 1024
 PROBES = 3  # samples of which one can be simulated, hopefully
 PROBE_SECONDS = 2.0
