@@ -101,7 +101,7 @@ def test_an_edge_of_a_box_through_cloth_is_seen():
 
 
 def test_a_particle_in_an_obstacle_is_seen():
-    ball = '[[obstacle]]\nshape = "sphere"\ncenter = [0, 0, 0.8]\nradius = 0.1\n'
+    ball = '[[obstacle]]\nshape = "sphere"\ncenter = [0, 0, 0.6]\nradius = 0.3\n'
     found = watched(GRID + ball, np.tile([0.0, 0.0, -0.105], (25, 1)))
     assert found.penetration_m == pytest.approx(0.005, abs=1e-6)
     assert found.failures == ["frame 1: a particle is 5 mm deep in an obstacle"]

@@ -61,7 +61,10 @@ class PositionStep(Integrator):
         expects = self.warm_start > 0.0 or model.differentiable  # adjoints do not ask whether there is an array
         self.displacement, self.spring_acceleration = vectors(True), vectors(expects)
         self._past_dt = wp.zeros(
-            model.world_count if expects else 0, wp.float64, model.device, requires_grad=model.differentiable
+            model.world_count if expects else 0,
+            dtype=wp.float64,
+            device=model.device,
+            requires_grad=model.differentiable,
         )
         self._forgets = wp.zeros(1, dtype=wp.int32, device=model.device)
         self.inertial = vectors(expects or self.needs_inertial)
