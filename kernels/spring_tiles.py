@@ -106,7 +106,9 @@ _PRODUCT = """
             transverse = transverse < 0 ? (1 - project) * transverse : transverse;
             const V along = n0 * d6 + n1 * d7 + n2 * d8;
             const V straight = (a * (k_s - transverse) + b_ * k_d) * along, aside = a * transverse;
-            const V g0 = -straight * n0 - aside * d6, g1 = -straight * n1 - aside * d7, g2 = -straight * n2 - aside * d8;
+            const V g0 = -straight * n0 - aside * d6;
+            const V g1 = -straight * n1 - aside * d7;
+            const V g2 = -straight * n2 - aside * d8;
 """
 
 
