@@ -1,7 +1,7 @@
 """Stiffness and damping matrices of a spring network: products, 3×3 blocks on the diagonal, and all of these.
 
-Both come from the law of ``spring_law.py``. The matrix is a K + b C with K = −∂f/∂x of the elastic force and
-C = −∂f/∂v; of what changes in the damping force as the spring turns, the symmetric part.
+Both come from the law of ``spring_law.py``. The matrix is a K + b C with K = −∂f/∂x, but for a part of how damping
+changes as springs turn, and C = −∂f/∂v.
 """
 
 import sys

@@ -53,28 +53,27 @@ def spring_energy(d: vec3, rest_length: real, k_s: real):
 
 @wp.func
 def spring_tangent_matrix(d: vec3, u: vec3, rest_length: real, k_s: real, k_d: real, project: real):
-    """Derivative of the force on q with respect to −d [N/m], a 3×3 matrix; its symmetric part.
+    """Derivative of the force on q with respect to −d [N/m], a symmetric 3×3 matrix; with damping a part is left out.
 
     With the tension T = k_s (|d|/r − 1) + k_d (u·n)/r it is K = (k_s/r) n nᵀ + (T/|d|) (I − n nᵀ), without damping the
-    second derivative of the energy; and damping adds the symmetric part of (k_d/r) n wᵀ, w = (I − n nᵀ) u/|d| being the
-    rate at which the spring turns. A compressed spring has negative transverse stiffness; with ``project = 1`` that and
-    the part of w are left out, which makes K positive semi-definite (Choi and Ko 2002), with 0 they stay, in between
-    they are scaled.
+    second derivative of the energy. A compressed spring has negative transverse stiffness; with ``project = 1`` that is
+    left out, which makes K positive semi-definite (Choi and Ko 2002), with 0 it stays, in between it is scaled.
+
+    Left out is (k_d/r) n wᵀ, w = (I − n nᵀ) u/|d| the rate at which the spring turns: by moving across it its ends
+    change the pull along it. There the spring itself resists, so that one iteration of Newton's method hardly sees the
+    mistake, and the next one mends it. The symmetric part, half of it in n wᵀ and half in w nᵀ, has a push across the
+    spring that is not there, and where only masses m resist. In a stage γ, with γ³ |w|² k_d/r > 4 m, it even makes the
+    matrix indefinite: strongly damped cloth then gained energy by steps that did not converge.
     """
     length = wp.length(d)
     n = direction(d)
-    rate = wp.dot(u, n)
     transverse = real(0.0)
-    w = vec3()
     if length > real(0.0):
-        transverse = (k_s * (length / rest_length - real(1.0)) + k_d * rate / rest_length) / length
-        w = (real(0.5) * k_d / (rest_length * length)) * (u - rate * n)
+        transverse = (k_s * (length / rest_length - real(1.0)) + k_d * wp.dot(u, n) / rest_length) / length
     if transverse < real(0.0):
         transverse = (real(1.0) - project) * transverse
-    w = (real(1.0) - project) * w
     nn = wp.outer(n, n)
-    identity = wp.identity(n=3, dtype=real)
-    return mat33((k_s / rest_length) * nn + transverse * (identity - nn) + wp.outer(n, w) + wp.outer(w, n))
+    return mat33((k_s / rest_length) * nn + transverse * (wp.identity(n=3, dtype=real) - nn))
 
 
 @wp.func

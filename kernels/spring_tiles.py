@@ -102,16 +102,13 @@ _PULL = """
 _PRODUCT = """
             const V n0 = d0 * inverse, n1 = d1 * inverse, n2 = d2 * inverse;
             const V rate = d3 * n0 + d4 * n1 + d5 * n2;
-            const V keeps = 1 - project;
             V transverse = (k_s * (length - rest) + k_d * rate) * inverse;
-            transverse = transverse < 0 ? keeps * transverse : transverse;
-            const V turn = keeps * (R(0.5) * k_d * inverse);
-            const V w0 = turn * (d3 - rate * n0), w1 = turn * (d4 - rate * n1), w2 = turn * (d5 - rate * n2);
-            const V along = n0 * d6 + n1 * d7 + n2 * d8, aside = w0 * d6 + w1 * d7 + w2 * d8;
-            const V straight = (a * (k_s - transverse) + b_ * k_d) * along + a * aside;
-            const V g0 = -straight * n0 - a * (transverse * d6 + along * w0);
-            const V g1 = -straight * n1 - a * (transverse * d7 + along * w1);
-            const V g2 = -straight * n2 - a * (transverse * d8 + along * w2);
+            transverse = transverse < 0 ? (1 - project) * transverse : transverse;
+            const V along = n0 * d6 + n1 * d7 + n2 * d8;
+            const V straight = (a * (k_s - transverse) + b_ * k_d) * along, aside = a * transverse;
+            const V g0 = -straight * n0 - aside * d6;
+            const V g1 = -straight * n1 - aside * d7;
+            const V g2 = -straight * n2 - aside * d8;
 """
 
 

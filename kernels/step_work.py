@@ -80,18 +80,21 @@ def judge(
     partial: wp.array(dtype=wp.float64),
     energy: wp.array(dtype=wp.float64),
     jumped: wp.array(dtype=wp.int32),
+    converged: wp.array(dtype=wp.int32),
     share: wp.float64,
     most: wp.float64,
     kept: wp.float64,
     # Out
     gains_out: Gains,
+    failures_out: wp.array(dtype=wp.int32),
     damped_out: wp.array(dtype=wp.int32),
     any_out: wp.array(dtype=wp.int32),
 ):
     """Marks worlds to be damped: those that jumped, and those that would gain more than ``most`` of their energy.
 
     A step gains ``share`` of the difference between the two rules. Of what was before, ``kept`` still counts. Without
-    finite numbers there is no comparison that holds, so such a step is marked, too.
+    finite numbers there is no comparison that holds, so such a step is marked, too; and one that was not solved, which
+    is no failure then, as nothing is left of it.
     """
     w = wp.tid()
     gained = kept * gains_out.gained[w]
@@ -103,7 +106,9 @@ def judge(
         return
     gained += share * world_sum(lanes, w, partial)
     scale = wp.max(scale, world_sum(lanes, w, energy))
-    if gained <= most * scale:
+    if converged[w] == 0:
+        failures_out[w] = failures_out[w] - 1
+    if converged[w] == 1 and gained <= most * scale:
         gains_out.gained[w] = wp.max(gained, -most * scale)
         gains_out.energy[w] = scale
     else:

@@ -1,15 +1,17 @@
 """Air: terminal velocity, lift, resolution, matrices against finite differences, wind fields, graphs, scenes."""
 
+import warnings
+
 import numpy as np
 import pytest
 import warp as wp
 from warpcloth.scenes import scene_from_toml
 
 import warpcloth as wc
-from warpcloth.errors import InputError, SceneError
+from warpcloth.errors import DivergedError, InputError, SceneError, StabilityWarning
 from warpcloth.fabric import STANDARD_GRAVITY
 from warpcloth.forces import AirDrag, Forces, Linearization
-from warpcloth.load_rates import load_rates
+from warpcloth.load_rates import load_rates, present_rates
 from warpcloth.state import State
 
 FABRIC = wc.Fabric(areal_density=0.1, air_drag=1.2, air_friction=0.05)
@@ -261,3 +263,30 @@ def test_the_rate_of_the_air_is_the_slope_of_its_force():
     fall = np.sqrt(2.0 * STANDARD_GRAVITY * 0.4)
     expected = 1.2 * (10.0 + fall) * float(model.tri_air_drag.numpy().max()) / 0.2
     assert load_rates(model, [wc.Air(density=1.2, wind=(0.0, 0.0, 10.0))])[1] == pytest.approx(expected, rel=1e-6)
+
+
+def test_what_is_warned_of_is_drag_at_the_present_speed():
+    """C_n ½ ρ A |u|/m slows a sheet as a whole across itself, and none of its motions faster; found from below."""
+    fabric = wc.Fabric(areal_density=0.2)
+    model = wc.Model.build(wc.Cloth.grid((0.4, 0.4), (9, 9), fabric), precision="float64")
+    x, v = model.particle_q.numpy(), np.tile((0.0, 0.0, -3.0), (81, 1))
+    drag = float(model.tri_air_drag.numpy().max())
+    expected = 0.5 * 1.2 * 10.0 * drag / 0.2
+    _, rate = present_rates(model, [wc.Air(density=1.2, wind=(0.0, 0.0, 7.0))], x, v)
+    assert 0.98 * expected < rate < (1.0 + 1e-9) * expected
+    assert rate < load_rates(model, [wc.Air(density=1.2, wind=(0.0, 0.0, 10.0))])[1]
+    assert present_rates(model, [wc.Air(density=0.0)], x, v) == present_rates(model, [], x, v) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("name", ["xpbd", "symplectic_euler", "rk4"])
+def test_too_few_substeps_for_dense_air_are_warned_of(name):
+    """Cloth that water runs against, in steps that its springs allow."""
+    model = wc.Model.build(wc.Cloth.grid((0.4, 0.4), (9, 9), pins="top"))
+    air = wc.Air(density=1000.0, wind=(0.0, 0.0, 2.0))
+    with pytest.warns(StabilityWarning, match="is unstable with 32 substeps"), pytest.raises(DivergedError):
+        wc.Simulation(model, name, air=air, substeps=32).run(20)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", StabilityWarning)
+        sim = wc.Simulation(model, name, air=air, substeps=64)
+        sim.run(20)
+    assert sim.metrics()["max_strain"] < 0.1

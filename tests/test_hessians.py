@@ -68,14 +68,24 @@ def dense_matrix(forces: Forces, at: Linearization) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def test_stiffness_of_damped_springs_is_the_symmetric_part_of_the_slope():
-    model = random_model(k_d=3.0)
-    forces, state, n = forces_of(model), State.of(model), model.particle_count
-    units = np.eye(3 * n).reshape(-1, n, 3)
-    slope = -np.stack([force_slope(forces, state, "particle_q", unit).reshape(-1) for unit in units], axis=1)
-    assert np.abs(slope - slope.T).max() > 1e-3 * np.abs(slope).max()
-    got = dense_matrix(forces, linearization(model, 1.0, 0.0))
-    assert np.abs(got - 0.5 * (slope + slope.T)).max() <= 1e-7 * np.abs(slope).max()
+def test_stiffness_of_damped_springs_is_the_slope_at_the_present_tension():
+    """Of how damping changes as springs turn: its direction, and not how fast a spring is stretched, see the law."""
+    model = random_model(k_d=30.0)
+    x, v, (p, q) = model.particle_q.numpy(), model.particle_qd.numpy(), model.spring_indices.numpy().T
+    rest, k_s, k_d = (a.numpy() for a in (model.spring_rest_length, model.spring_stiffness, model.spring_damping))
+    n, length = x[q] - x[p], np.linalg.norm(x[q] - x[p], axis=1)
+    n /= length[:, None]
+    rate = np.sum((v[q] - v[p]) * n, axis=1)
+    tension = k_s * (length / rest - 1.0) + k_d * rate / rest
+    expected = np.zeros((model.particle_count, 3, model.particle_count, 3))
+    for i, j, stiff, across, along in zip(p, q, k_s / rest, tension / length, n, strict=True):
+        block = (stiff - across) * np.outer(along, along) + across * np.eye(3)
+        for k, m, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
+            expected[k, :, m, :] += sign * block
+    expected = expected.reshape(3 * model.particle_count, -1)
+    assert np.abs(k_d * rate / rest).max() > 0.5 * np.abs(tension).max()
+    got = dense_matrix(forces_of(model), linearization(model, 1.0, 0.0))
+    assert np.abs(got - expected).max() <= 1e-12 * np.abs(expected).max()
 
 
 def test_diagonal_blocks_are_those_of_the_matrix():

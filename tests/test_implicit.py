@@ -175,16 +175,17 @@ def test_bdf2_starts_afresh_at_another_step_and_after_reset():
 
 
 def test_bdf2_is_not_thrown_by_a_start_out_of_balance():
-    """Stiff cloth with waves of 4 mm, at rest: its first step brings little more speed than implicit Euler's."""
+    """Stiff cloth with waves of 4 mm, at rest: its first step is implicit Euler's."""
     cloth = wc.Cloth.grid((0.3, 0.3), (13, 13), wc.Fabric(stretch_stiffness=2000.0), pins="left")
     rng = np.random.default_rng(0)
     points = cloth.points + np.outer(rng.normal(scale=0.004, size=len(cloth.points)), (0, 0, 1))
-    speeds = {}
+    ends = []
     for name in ("implicit_euler", "bdf2"):
         sim = wc.Simulation(wc.Model.build(replace(cloth, points=points), precision="float64"), name, substeps=1)
         sim.step(0.01)
-        speeds[name] = np.linalg.norm(phase(sim)[1], axis=1).max()
-    assert 0.05 < speeds["implicit_euler"] < speeds["bdf2"] < 2.0 * speeds["implicit_euler"]
+        ends.append(phase(sim))
+    assert np.linalg.norm(ends[0][1], axis=1).max() > 0.05
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-8)
 
 
 @pytest.mark.parametrize("name", NEWTON + LINEAR)

@@ -145,6 +145,29 @@ def test_all_end_at_newtons_solution(crumpled, newton, name, options):
     assert error(crumpled, newton, name, options) < 1e-11
 
 
+def test_accelerated_sweeps_extrapolate_from_the_last_but_one(crumpled):
+    """x ← ω (x̂ − x″) + x″ with ω = 1, 2/(2 − ρ²), 4/(4 − ρ² ω)…: each sweep from plain ones, the rest in numpy."""
+    radius, count = 0.8, 5
+    options = {"acceleration": radius, "iterations": count}
+    sim = wc.Simulation(crumpled, "vbd", GRAVITY, substeps=1, integrator_options=options, graph=False)
+    plain = wc.Simulation(crumpled, "vbd", GRAVITY, substeps=1, integrator_options={"iterations": 1}, graph=False)
+    start = sim.state.particle_q.numpy().copy()
+    sim.step(STEP)
+    sweeper, weights = plain.integrator, [1.0, 2.0 / (2.0 - radius**2)]
+    sweeper.prepare()
+    sweeper.inertial.assign(sim.integrator.inertial)
+    iterates = [sim.integrator.inertial.numpy()]
+    for k in range(count):
+        sweeper.displacement.assign(iterates[-1])
+        sweeper._sweep(crumpled, plain.state, STEP)
+        swept, before = sweeper.displacement.numpy(), iterates[max(k - 1, 0)]
+        iterates.append(weights[k] * (swept - before) + before)
+        weights.append(4.0 / (4.0 - radius**2 * weights[-1]))
+    moved = sim.state.particle_q.numpy() - start
+    assert np.abs(iterates[-1] - iterates[-2]).max() > 1e-3 * np.abs(moved).max()
+    assert np.abs(moved - iterates[-1]).max() < 1e-12
+
+
 def test_chebyshev_beats_plain_iterations(crumpled, newton):
     plain, fast = (
         error(crumpled, newton, "projective_dynamics", {"solver": solver, "iterations": 60})

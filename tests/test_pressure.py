@@ -1,5 +1,7 @@
 """Pressure in closed cloth: gradient of its energy, balance, Laplace's law of a balloon, Boyle's law, input."""
 
+import warnings
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,9 +9,9 @@ import warp as wp
 from warpcloth.scenes import scene_from_toml
 
 import warpcloth as wc
-from warpcloth.errors import InputError
+from warpcloth.errors import DivergedError, InputError, StabilityWarning
 from warpcloth.forces import Forces, Linearization, Pressure
-from warpcloth.load_rates import load_rates
+from warpcloth.load_rates import load_rates, present_rates
 from warpcloth.state import State
 
 KINDS = [wc.Inflation(200.0), wc.Inflation(500.0, gas=True, ambient=2000.0)]
@@ -171,6 +173,38 @@ def test_the_rate_of_a_gas_is_that_of_its_breathing():
     stiff, damped = load_rates(model)
     assert stiff == pytest.approx(ambient * ball.area**2 / (ball.volume * mass), rel=0.02)
     assert damped == 0.0
+
+
+def test_the_rate_of_a_gas_falls_as_it_expands():
+    """With the pose: −∂p/∂V as 1/V², |∇V|² as the fourth power of the size; a given pressure has none."""
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.2)
+    rates, bounds = [], []
+    for gas in (True, False):
+        cloth = wc.Cloth.from_mesh(ball, LIGHT, inflation=wc.Inflation(50.0, gas=gas))
+        model = wc.Model.build(cloth, precision="float64")
+        x = model.particle_q.numpy()
+        rates.append([present_rates(model, (), size * x, np.zeros_like(x)) for size in (1.0, 2.0)])
+        bounds.append(load_rates(model)[0])
+    (small, large), given = rates
+    assert 0.0 < small[0] < bounds[0] < 1.1 * small[0]
+    assert large[0] == pytest.approx(small[0] / 4.0)
+    assert given == [(0.0, 0.0)] * 2
+
+
+@pytest.mark.filterwarnings("ignore::warpcloth.errors.FabricWarning")
+@pytest.mark.parametrize(("name", "few", "enough"), [("xpbd", 32, 64), ("forward_euler", 128, None), ("rk4", 32, 64)])
+def test_too_few_substeps_for_a_gas_are_warned_of(name, few, enough):
+    """A ball of 162 vertices; its springs alone say nothing about 32 substeps of XPBD."""
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.15)
+    cloth = wc.Cloth.from_mesh(ball, LIGHT, inflation=wc.Inflation(pressure=5.0, gas=True))
+    with pytest.warns(StabilityWarning, match=f"{name} is unstable with {few} substeps"), pytest.raises(DivergedError):
+        wc.Simulation(wc.Model.build(cloth), name, (0, 0, 0), few).run(20)
+    if enough is not None:
+        sim = wc.Simulation(wc.Model.build(cloth), name, (0, 0, 0), enough)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", StabilityWarning)
+            sim.run(20)
+        assert sim.metrics()["max_strain"] < 0.03
 
 
 def test_the_rate_of_a_given_pressure_bounds_how_its_forces_turn():

@@ -1,6 +1,7 @@
 """How fast cloth answers to pressure and to the air: what limits schemes that take these forces as they were.
 
-Both depend on the pose and on speeds, so these are estimates about the initial ones, from above where that is easy.
+Both depend on the pose and on speeds. :func:`load_rates` are estimates about the initial ones, from above where that is
+easy: what automatic substeps are made from. :func:`present_rates` are no more than those at a state: what is warned of.
 """
 
 import math
@@ -12,6 +13,7 @@ from .air import Air
 from .fabric import STANDARD_GRAVITY
 from .model import Model
 
+ITERATIONS = 60  # of the power method, which approaches its eigenvalue from below
 STRONG = 3.0  # times its root mean square turbulence is hardly stronger
 
 
@@ -25,21 +27,77 @@ def load_rates(model: Model, airs: Sequence[Air] = ()) -> tuple[float, float]:
     return inflated, _air_rate(model, airs, np.linalg.norm(normals, axis=1)) if airs else 0.0
 
 
+def present_rates(
+    model: Model, airs: Sequence[Air], positions: np.ndarray, velocities: np.ndarray
+) -> tuple[float, float]:
+    """ω² [1/s²] of the gas that answers fastest, and γ [1/s] of the fastest motion that the mean wind of each world
+    damps, at positions [m] and velocities [m/s], both of shape [particle_count, 3]."""
+    a, b, c = (positions[model.tri_indices.numpy()[:, k]] for k in range(3))
+    normals = 0.5 * np.cross(b - a, c - a)
+    breathing = 0.0
+    if model.bag_count > 0:
+        bag = model.tri_bag.numpy()
+        sixths = np.einsum("ti,ti->t", a, np.cross(b, c)) / 6.0
+        volume = np.bincount(bag[bag >= 0], sixths[bag >= 0], model.bag_count) * model.bags["side"]
+        breathing = float(_breathing_rates(model, normals, np.maximum(volume, 1e-3 * model.bags["volume"])).max())
+    return breathing, _slowing_rate(model, airs, normals, velocities) if airs else 0.0
+
+
+def _breathing_rates(model: Model, normals: np.ndarray, volume: np.ndarray) -> np.ndarray:
+    """−∂p/∂V Σ |∇ᵢV|²/mᵢ of each gas, and 0 of a given pressure: exact, as the rise of p acts along ∇V only.
+
+    ``normals`` are area vectors [m²] of triangles, ``volume`` [m³] that of each bag.
+    """
+    bag, triangles, bags = model.tri_bag.numpy(), model.tri_indices.numpy(), model.bags
+    corners = triangles[bag >= 0].ravel()
+    gradient = np.zeros((model.particle_count, 3))
+    np.add.at(gradient, corners, np.repeat(normals[bag >= 0] / 3.0, 3, axis=0))
+    owner = np.zeros(model.particle_count, np.int64)
+    owner[corners] = np.repeat(bag[bag >= 0], 3)
+    inverse_mass = model.particle_inv_mass.numpy().astype(np.float64)
+    per_mass = np.bincount(owner, np.sum(gradient**2, axis=1) * inverse_mass, model.bag_count)
+    stiffness = bags["gas"] * (bags["ambient"] + bags["pressure"]) * bags["volume"] / volume**2
+    return np.asarray(stiffness * per_mass)
+
+
+def _slowing_rate(model: Model, airs: Sequence[Air], normals: np.ndarray, velocities: np.ndarray) -> float:
+    """Largest eigenvalue of M⁻¹ C, C u being the drag across triangles.
+
+    Its slope is up to twice as much; but what overshoots by that alone has less drag then, and is carried by the air.
+    """
+    triangles, share = model.tri_indices.numpy(), model.tri_corner_share.numpy().astype(np.float64)
+    world = model.particle_world.numpy()[triangles[:, 0]]
+    area = np.linalg.norm(normals, axis=1)
+    unit = normals / np.maximum(area, np.finfo(np.float64).tiny)[:, None]
+    wind = np.array([air.wind for air in airs], float).reshape(-1, 3)[world]
+    density = np.array([air.density for air in airs])[world]
+    u = wind - np.einsum("tc,tcx->tx", share, velocities[triangles])
+    strength = 0.5 * density * area * model.tri_air_drag.numpy() * np.linalg.norm(u, axis=1)
+    root = np.sqrt(model.particle_inv_mass.numpy().astype(np.float64))[:, None]
+    x = np.random.default_rng(0).standard_normal((model.particle_count, 3)) * (root > 0.0)
+    value = 0.0
+    for _ in range(ITERATIONS):
+        length = float(np.linalg.norm(x))
+        if length == 0.0:
+            return 0.0
+        y = root * x / length
+        moved = strength * np.einsum("tc,tcx,tx->t", share, y[triangles], unit)
+        pushes = (share * moved[:, None])[:, :, None] * unit[:, None, :]
+        total = [np.bincount(triangles.ravel(), column, len(x)) for column in pushes.reshape(-1, 3).T]
+        x = root * np.stack(total, axis=1)
+        value = float(np.linalg.norm(x))
+    return value
+
+
 def _pressure_rate(model: Model, normals: np.ndarray, around: np.ndarray) -> float:
-    """ω² of a gas whose volume changes, −∂p/∂V Σ |∇ᵢV|²/mᵢ, and a bound for how forces turn with their triangles: a
+    """ω² of a gas whose volume changes, and a bound for how forces turn with their triangles: a
     corner's pN/3 changes by p e/6 as another moves, e the edge between it and the third."""
     bag, triangles, bags = model.tri_bag.numpy(), model.tri_indices.numpy(), model.bags
     inside = bag >= 0
     inverse_mass, corners = model.particle_inv_mass.numpy().astype(np.float64), triangles[inside].ravel()
-    gradient = np.zeros((model.particle_count, 3))
-    np.add.at(gradient, corners, np.repeat(normals[inside] / 3.0, 3, axis=0))
-    owner = np.zeros(model.particle_count, np.int64)
-    owner[corners] = np.repeat(bag[inside], 3)
-    per_mass = np.bincount(owner, np.sum(gradient**2, axis=1) * inverse_mass, model.bag_count)
-    stiffness = bags["gas"] * (bags["ambient"] + bags["pressure"]) / bags["volume"]
     turning = np.abs(bags["pressure"])[bag[inside]] * around[inside] / 6.0
     turning = np.bincount(corners, np.repeat(turning, 3), model.particle_count) * inverse_mass
-    return float((stiffness * per_mass).max() + turning.max())
+    return float(_breathing_rates(model, normals, bags["volume"]).max() + turning.max())
 
 
 def _air_rate(model: Model, airs: Sequence[Air], area: np.ndarray) -> float:

@@ -1,10 +1,12 @@
 """Looks at each frame when it is done: stops on non-finite numbers, sees rest, and warns of what went badly."""
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
 from . import diagnostics, stability
+from .air import Air
 from .contact import ContactStage
 from .errors import ContactWarning, ConvergenceWarning, StabilityWarning
 from .integrators.base import Integrator
@@ -56,13 +58,14 @@ class Lookout:
                 stacklevel=3,
             )
 
-    def warn_if_unstable(self, state: State, dt: float, substeps: int) -> None:
-        """Warns, for steps longer than all before and in the name of the caller's caller, of too few ``substeps``."""
+    def warn_if_unstable(self, state: State, dt: float, substeps: int, airs: Sequence[Air]) -> None:
+        """Warns, for steps longer than all before and in the name of the caller's caller, of too few ``substeps``;
+        ``airs`` are those of the worlds."""
         if dt / substeps <= self._judged * (1.0 + 1e-9):
             return
         self._judged = dt / substeps
-        positions = state.particle_q.numpy().astype(np.float64)
-        warning = stability.warning_of_unstable_steps(self.model, self.integrator, positions, dt, substeps)
+        x, v = (array.numpy().astype(np.float64) for array in (state.particle_q, state.particle_qd))
+        warning = stability.warning_of_unstable_steps(self.model, self.integrator, x, v, dt, substeps, airs)
         if warning is not None:
             warnings.warn(warning, StabilityWarning, stacklevel=3)
 

@@ -155,7 +155,7 @@ class Simulation:
         if self._auto:
             self.substeps = self._stable_substeps(dt)
         else:
-            self.lookout.warn_if_unstable(self.state, dt, self.substeps)
+            self.lookout.warn_if_unstable(self.state, dt, self.substeps, self._airs)
         if self._grabs is not None:
             self._grabs.begin_frame(self.state, dt, dt / self.substeps)
         key = (dt, self.substeps)

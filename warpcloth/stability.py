@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import SimulationError
-from .load_rates import load_rates
+from .load_rates import load_rates, present_rates
 
 if TYPE_CHECKING:
     from .air import Air
@@ -262,14 +262,21 @@ def count_steps(integrator: "Integrator", step: float, dt: float, most: int) -> 
 
 
 def warning_of_unstable_steps(
-    model: "Model", integrator: "Integrator", positions: np.ndarray, dt: float, substeps: int
+    model: "Model",
+    integrator: "Integrator",
+    positions: np.ndarray,
+    velocities: np.ndarray,
+    dt: float,
+    substeps: int,
+    airs: "Sequence[Air]" = (),
 ) -> str | None:
-    """A sentence for the user if ``substeps`` steps in dt [s] are unstable at ``positions`` [m]; None if they are not.
+    """A sentence for the user if ``substeps`` steps in dt [s] are unstable at ``positions`` [m] and ``velocities``
+    [m/s], in the air of each world; None if they are not.
 
     Unlike automatic substeps this is no bound for all configurations: what it warns of will go wrong.
     """
     step = dt / substeps
-    filtered = integrator.filtered_step()
+    filtered = min(integrator.filtered_step(), _loaded_step(model, integrator, positions, velocities, airs))
     if step <= min(filtered, _usable_step(model, integrator, rate_bounds)):
         return None
     limit = min(filtered, _usable_step(model, integrator, fastest_rates, positions, WARNING_ITERATIONS))
@@ -280,3 +287,18 @@ def warning_of_unstable_steps(
         f"{integrator.name} is unstable with {substeps} substep{'s' * (substeps > 1)} per frame of {dt:.3g} s: its "
         f"largest stable step for this cloth is {limit:.3g} s, which takes {needed}; raise substeps or use 'auto'."
     )
+
+
+def _loaded_step(
+    model: "Model", integrator: "Integrator", positions: np.ndarray, velocities: np.ndarray, airs: "Sequence[Air]"
+) -> float:
+    """Largest step [s] by gases, damped as the network is, or not, and by the air, alone: what each of them needs."""
+    breathing, slowing = present_rates(model, airs, positions, velocities)
+    step = math.inf
+    for rule in (integrator.usable_step, integrator.explicit_step):
+        if breathing > 0.0:
+            damping = rate_bounds(model)[1]
+            step = min(step, max(rule(math.sqrt(breathing), gamma) for gamma in (0.0, damping)))
+        if slowing > 0.0:
+            step = min(step, rule(0.0, slowing))
+    return step

@@ -127,7 +127,7 @@ class Rollout:
             raise InputError(f"Tape must be a warp.Tape, got {type(tape).__name__}.")
         simulation, self._derived = self.simulation, None
         check_differentiable(simulation)
-        simulation.lookout.warn_if_unstable(self.start, self._frame_dt, self.substeps)
+        simulation.lookout.warn_if_unstable(self.start, self._frame_dt, self.substeps, simulation._airs)
         simulation.lookout.rest_since[:] = np.inf  # of where it was before, and of frames that nobody looks at
         self._origin.put(0)
         simulation.state.particle_q.assign(self.start.particle_q)

@@ -16,8 +16,8 @@ class Bdf2(ImplicitScheme):
     """y′ = (4 y − y₋₁ + 2 dt ẏ′)/3 for positions and velocities.
 
     The state before is remembered on the device, with the step of each world: a first step, and one of another size
-    than the last, start afresh, with a step of implicit Euler that tells what the past might have been. Between steps
-    contact may change the state: the remembered one is changed with it.
+    than the last, start afresh, with a past that makes of it a step of implicit Euler. Between steps contact may change
+    the state: the remembered one is changed with it.
     """
 
     name = "bdf2"

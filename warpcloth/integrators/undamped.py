@@ -12,7 +12,8 @@ Nor do they keep the energy of springs that turn by much within a step, or are d
 method converges there, but the forces by which the rule steps do other work than those on the way: cotton of 17²
 vertices that swung by two corners, a step a frame, came to 91 m/s. So the gain of each step is measured
 (``kernels/step_work.py``), and one that would bring what was gained lately over a tenth of the kinetic energy is taken
-again, damped. Steps of half a frame gain nothing there, and of those none is.
+again, damped; as is one that Newton's method could not solve. Steps of half a frame gain nothing there, and of those
+none is.
 """
 
 import math
@@ -98,7 +99,7 @@ class UndampedScheme(ImplicitScheme):
         launch(kernel, model.world_count, [self._jumped], [self._smooth, self._any], device=model.device)
 
     def _judge(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
-        """Which worlds are to be damped: those that jumped, and those that gained too much in their smooth step."""
+        """Which worlds are to be damped: those that jumped, and those whose smooth step gained too much, or failed."""
         kernels, cg, middle = model.kernels.step_work, self.newton.cg, self._middle
         ends = [state_in.particle_q, state_in.particle_qd, state_out.particle_q, state_out.particle_qd]
         if self.stage.beyond == 0.0:  # the rule has evaluated the forces at both ends
@@ -124,8 +125,10 @@ class UndampedScheme(ImplicitScheme):
             device=model.device,
         )
         limits = [self.gain_share, MOST_GAINED, math.exp(-dt / MEMORY)]
-        inputs = [cg.lanes, cg.partial, self._energy, self._jumped, *limits]
-        launch(kernels.judge, model.world_count, inputs, [self._gains, self._damps, self._any], model.device)
+        worlds = self.newton.worlds
+        inputs = [cg.lanes, cg.partial, self._energy, self._jumped, worlds.converged, *limits]
+        outputs = [self._gains, worlds.failures, self._damps, self._any]
+        launch(kernels.judge, model.world_count, inputs, outputs, model.device)
 
     def _damped_step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """Two half steps of implicit Euler, in worlds to be damped."""
