@@ -45,7 +45,7 @@ class Simulation:
         air: the :class:`Air` that triangles of cloth move through, or one per world; None: a vacuum.
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
         graph: record each frame and replay it, where integrator and device can.
-        check: after each frame, raise if anything is not finite.
+        check: after each frame, raise if anything is not finite, or cloth is torn to many times its length.
         forces: forces of your own, besides those of the model.
         hooks: what you do between the stages of each substep.
         untangled: try to resolve intersections at the start; what that did is in the attribute of the same name.
@@ -143,7 +143,7 @@ class Simulation:
         Raises:
             InputError: dt is not a positive number, or the frame cannot be recorded.
             SimulationError: automatic substeps would be too many, or the integrator cannot go on: there was no frame.
-            DivergedError: (when ``check``) something is no longer finite; ``state`` is what came out.
+            DivergedError: (when ``check``) something is not finite, or cloth is torn; ``state`` is what came out.
 
         Warns:
             StabilityWarning: the given ``substeps`` are too few for the integrator; named are those that would do.
