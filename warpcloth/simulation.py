@@ -12,7 +12,7 @@ from .contact import CONTACTS, ContactStage
 from .force_terms import airs_of, force_terms, world_gravity
 from .forces import BlockMatrix, Forces, Grabs
 from .forces.grabs import Hold
-from .forces.user import UserForce
+from .forces.user import UserForce, user_forces
 from .frames import Frames
 from .grab import Grab, GrabTape, make_hold
 from .hooks import Hook
@@ -23,7 +23,7 @@ from .launching import copy, launch, launches, records
 from .lookout import Lookout
 from .model import Model, of_model
 from .recording import missed_pairs, recordable_substeps
-from .state import Memory, State
+from .state import Memory, OnDevice, State
 from .stopwatch import Stopwatch
 from .untangle import untangle
 from .worlds import WorldReset, take_worlds, world_mask, worlds_to_keep
@@ -31,7 +31,7 @@ from .worlds import WorldReset, take_worlds, world_mask, worlds_to_keep
 MAX_SUBSTEPS = 100_000
 
 
-class Simulation:
+class Simulation(OnDevice):
     """Advances a model in time.
 
     Args:
@@ -93,7 +93,7 @@ class Simulation:
     ):
         self.model = validate.instance(model, Model, "Model")
         self.hooks = of_model(model, validate.instances(hooks, Hook, "hooks"))
-        own = of_model(model, validate.instances(forces, UserForce, "forces"))
+        own = of_model(model, user_forces(forces))
         self.integrator = make_integrator(integrator, model, integrator_options)
         self.watch = Stopwatch(model.device, validate.flag(profile, "profile"))
         replay = validate.flag(graph, "graph") and self.integrator.capturable and not self.watch.active
