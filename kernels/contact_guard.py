@@ -25,29 +25,6 @@ REST = wp.constant(0)  # the carrier of what stays where it is
 
 
 @wp.kernel
-def count_torn(
-    # Model
-    thread_offset: int,
-    tri_indices: wp.array2d(dtype=wp.int32),
-    particle_world: wp.array(dtype=wp.int32),
-    particle_rest: wp.array(dtype=vec3),
-    limit: wp.float64,
-    # State in
-    particle_q: wp.array(dtype=vec3),
-    # Out
-    torn_out: wp.array(dtype=wp.int32),
-):
-    """Counts, per world, edges of triangles more than ``limit`` times as long as at rest, or of no number."""
-    t = thread_offset + wp.tid()
-    for k in range(3):
-        a = tri_indices[t, k]
-        b = tri_indices[t, (k + 1) % 3]
-        rest = wp.length(wide(particle_rest[b]) - wide(particle_rest[a]))
-        if not wp.length(wide(particle_q[b]) - wide(particle_q[a])) <= limit * rest:
-            count_up(torn_out, particle_world[a], 1)
-
-
-@wp.kernel
 def give_up(
     # State in
     torn: wp.array(dtype=wp.int32),

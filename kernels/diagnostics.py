@@ -1,9 +1,10 @@
-"""Measures of a state: strain, speed, non-finite values, penetration. Sums in float64."""
+"""Measures of a state: strain, speed, non-finite values, torn cloth, penetration. Sums in float64."""
 
 import sys
 
 import warp as wp
 
+from .counting import count_up
 from .obstacle_hit import surface_point, to_float3
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import MESH, Placement, Shapes, distance, to_local
@@ -68,6 +69,32 @@ def frame_motion(
         way = particle_q[i] - particle_before[i]
         wp.atomic_add(moment_out, w, 0, m * wp.float64(wp.dot(way, way)))
         wp.atomic_add(moment_out, w, 1, m)
+
+
+@wp.kernel
+def count_torn(
+    # Model
+    thread_offset: int,
+    tri_indices: wp.array2d(dtype=wp.int32),
+    particle_world: wp.array(dtype=wp.int32),
+    particle_rest: wp.array(dtype=vec3),
+    limit: real,
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    # Out
+    torn_out: wp.array(dtype=wp.int32),
+):
+    """Counts, per world, edges of triangles over ``limit`` times as long as the longest of theirs at rest, or of no
+    number. The longest, as a sliver's shortest edge may well grow so far with hardly any strain around it."""
+    t = thread_offset + wp.tid()
+    longest = real(0.0)
+    for k in range(3):
+        rest = particle_rest[tri_indices[t, (k + 1) % 3]] - particle_rest[tri_indices[t, k]]
+        longest = wp.max(longest, wp.length(rest))
+    for k in range(3):
+        edge = particle_q[tri_indices[t, (k + 1) % 3]] - particle_q[tri_indices[t, k]]
+        if not wp.length(edge) <= limit * longest:
+            count_up(torn_out, particle_world[tri_indices[t, k]], 1)
 
 
 @wp.kernel

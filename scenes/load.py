@@ -10,8 +10,9 @@ from pydantic import ValidationError
 from warpcloth.errors import SceneError
 from warpcloth.validate import is_utf8, texts
 
-from .overrides import apply_overrides, shorten
+from .overrides import apply_overrides
 from .schema import Scene, explain, suggest
+from .schema.paths import shorten
 from .schema.values import is_number
 
 BUNDLED = Path(__file__).parent / "bundled"

@@ -121,3 +121,29 @@ def test_frames_of_rollouts_are_no_longer_than_steps_may_be():
     model = wc.Model.build(CLOTH, device="cpu", differentiable=True)
     with pytest.raises(InputError, match="Fps must be"):
         Rollout(wc.Simulation(model, "xpbd", substeps=2), 1, fps=5e-4)
+
+
+class Idle(wc.UserForce):
+    """A force of nothing that says ``answer`` when asked for its energy."""
+
+    answer: object = {}
+
+    def accumulate(self, state, time_offset):
+        pass
+
+    def energy(self, state):
+        return self.answer
+
+
+def test_forces_of_ones_own_are_told_what_they_lack():
+    model = wc.Model.build(CLOTH, device="cpu")
+    with pytest.raises(InputError, match=r"Forces\[1\], UserForce, needs a method accumulate"):
+        wc.Simulation(model, forces=[Idle(), wc.UserForce()])
+    force = Idle()
+    sim = wc.Simulation(model, forces=[force])
+    for wrong in (None, 3.0, {"idle": None}, {"idle": np.ones(2)}):
+        force.answer = wrong
+        with pytest.raises(InputError, match="The method energy of Idle must return a dict of numbers"):
+            sim.energy()
+    force.answer = {"idle": np.float32(2.0)}
+    assert sim.energy()["idle"] == 2.0

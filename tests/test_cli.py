@@ -173,6 +173,16 @@ def test_a_failed_simulation_has_exit_code_3(folder, capfd):
     assert "'napkin' starts inside an obstacle" in capfd.readouterr().err
 
 
+def test_a_simulation_that_ends_before_torn_cloth_is_infinite_has_exit_code_3(tmp_path, capfd):
+    """In its first frame, all numbers are still finite."""
+    cloth = tmp_path / "torn.usdc"
+    torn = ["two_cloths", "--integrator", "symplectic_euler", "--substeps", "2", "--frames", "1"]
+    for contact in ("obstacles", "all"):
+        assert run(["simulate", *torn, "--set", f"simulation.contact={contact}", "--output", str(cloth)]) == 3
+        assert "use substeps=" in capfd.readouterr().err
+    assert not cloth.exists()
+
+
 def test_an_early_interruption_is_an_object_too(folder, capfd, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt

@@ -124,12 +124,22 @@ def test_scene_names_a_fabric_and_changes_it():
     )
 
 
+def test_a_fabric_of_ones_own_may_have_nearly_a_name_of_the_library():
+    sheet = "areal_density = 0.3, stretch_stiffness = 900.0, shear_stiffness = 30.0"
+    scene = scene_from_toml(GRID + f'fabric = {{ name = "denim2", {sheet}, bending_length = 0.03 }}')
+    assert scene.cloth[0].fabric.build().stretch_stiffness == 900.0
+    assert scene.changed({"frames": 3}).cloth == scene.cloth
+
+
 @pytest.mark.parametrize(
     ("fabric", "sentence"),
     [
         ('"denin"', "cloth.0.fabric must be a table or the name of a fabric"),
         ('"denin"', "did you mean 'denim'?"),
-        ('{ name = "denin" }', "must have properties of its own or the name of a fabric, not 'denin'; did you mean"),
+        ('{ name = "denin" }', "must have the name of a fabric, or areal_density, bending_rigidity, shear_stiffness"),
+        ('{ name = "denin", friction = 0.3 }', "of its own, not 'denin'; did you mean 'denim'?"),
+        ('{ name = "denin", stretch_stiffness = 2000.0 }', "of its own, not 'denin'; did you mean 'denim'?"),
+        ('{ name = "velvet", friction = 0.3 }', "of its own, not 'velvet': cotton, polyester"),
         ("{ twist_ratio = -1 }", "cloth.0.fabric.twist_ratio must be a number above 0 and at most 10, not -1"),
         ("{ shear_stiffness = 500 }", "shear_stiffness must be at most the stretch stiffness, 400 N/m, got 500"),
         ("{ bending_length = 0.02, bending_rigidity = 1e-5 }", "a bending_length or a bending_rigidity, not both"),

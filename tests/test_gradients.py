@@ -215,7 +215,8 @@ def test_what_has_no_gradients_says_so():
     grabbed.grab(0)
 
     class Own(wc.UserForce):
-        pass
+        def accumulate(self, state: wc.State, time_offset: float) -> None:
+            pass
 
     cases = [
         (wc.Simulation(model, forces=[Own()]), r"Force 'user' has no gradients, as it has no parameters\(\)"),

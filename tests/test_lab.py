@@ -162,12 +162,12 @@ def test_command(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(cantilever, "run", quick)
     for name in list(TESTS):
         monkeypatch.setattr(TESTS[name], "run", quick)
-    assert run(["lab", "cantilever", "-o", str(tmp_path), "--json"]) == 0
+    assert run(["lab", "cantilever", "-o", str(tmp_path), "--json"]) == 3  # a check fails
     found = json.loads(capsys.readouterr().out)
     assert [check["passed"] for check in found["checks"]] == [True, False]
     assert found["rows"] == [{"a": 1.0, "b": 2}]
     assert (tmp_path / "quick.png").stat().st_size > 1000
-    assert run(["lab", "report", "-o", str(tmp_path), "--no-plots"]) == 0
+    assert run(["lab", "report", "-o", str(tmp_path), "--no-plots"]) == 3
     page = (tmp_path / "report.md").read_text()
     assert "## Quick test" in page
     assert "out of tolerance" in page

@@ -276,10 +276,6 @@ def test_a_film_and_a_turntable_and_a_sheet(cache, tmp_path):
         first = np.asarray(turn.convert("RGB")).astype(int)
         turn.seek(2)
         assert np.abs(np.asarray(turn.convert("RGB")).astype(int) - first).mean() > 2.0
-    seen = []
-    render(cache, tmp_path / "sheet.jpg", size=(240, 160), sheet=3, on_picture=lambda *done: seen.append(done))
-    assert pixels(tmp_path / "sheet.jpg").shape == (160, 240, 3)
-    assert seen == [(1, 3), (2, 3), (3, 3)]
     assert not list(tmp_path.glob("*partial*"))
 
 

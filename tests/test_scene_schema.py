@@ -246,6 +246,21 @@ def test_changed_scenes_are_validated_and_keep_their_place():
         scene.changed({"simulation.substeps": "many"})
 
 
+def test_changes_take_the_paths_that_set_takes():
+    scene = load_scene("hanging").changed({"cloth.0.size": [2, 3], "cloth.cloth.fabric.friction": 0.2})
+    assert (scene.cloth[0].size, scene.cloth[0].fabric.friction) == ((2.0, 3.0), 0.2)
+    for values, sentence in [
+        ({"simulation.substeps.x": 3}, "'simulation.substeps' is a single value and has no 'x' in it"),
+        ({"cloth.9.size": 3}, "'cloth' is a list of 1, counted from 0, so it has no 9"),
+        ({"simulation.substep": 3}, "the key 'simulation.substep' is unknown; did you mean 'substeps'?"),
+        ({3: 3}, 'Values must be a dict such as {"frames": 10}, got {3: 3}.'),
+        (5, 'Values must be a dict such as {"frames": 10}, got 5.'),
+    ]:
+        with pytest.raises(errors.InputError) as caught:
+            scene.changed(values)
+        assert str(caught.value) == sentence
+
+
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [

@@ -90,7 +90,9 @@ def test_polygons_keep_the_points_of_the_mesh(tmp_path):
     np.testing.assert_allclose(end[11], points[11])
 
 
-@pytest.mark.parametrize("how", ["points", "faces", "primvar", "houdini", "uniform", "corners", "one value"])
+@pytest.mark.parametrize(
+    "how", ["points", "faces", "primvar", "houdini", "uniform", "corners", "one", "one of corners"]
+)
 def test_pins_are_subsets_or_primvars(tmp_path, how):
     stage = new_stage(tmp_path / "shot.usda")
     mesh, expected = add_cloth(stage), [0, 1, 5, 6]
@@ -114,7 +116,8 @@ def test_pins_are_subsets_or_primvars(tmp_path, how):
         primvar = primvars.CreatePrimvar("pins", Sdf.ValueTypeNames.FloatArray, "faceVarying")
         primvar.Set([1.0] * 4 + [0.0] * 60)
     else:
-        primvars.CreatePrimvar("pins", Sdf.ValueTypeNames.Float, "constant").Set(1.0)
+        kind = "constant" if how == "one" else "faceVarying"
+        primvars.CreatePrimvar("pins", Sdf.ValueTypeNames.FloatArray, kind).Set([1.0])
         expected = list(range(25))
     stage.Save()
     (part,) = read_shot(tmp_path / "shot.usda").parts

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, Vt
 from usd_shots import FPS, LAST, write_shot
+from warpcloth.scenes import export_scene
 from warpcloth.scenes.usd import check_cache
 
-from warpcloth import Plane
+from warpcloth import Plane, load_scene
+from warpcloth.errors import InputError
 
 FLAG = "/World/Cloth/red_flag"
 
@@ -189,3 +191,10 @@ def test_each_fault_is_found(good, tmp_path, fault):
     assert not report.ok
     assert report.finite == ("NaN" not in fault and "infinite" not in fault)
     assert "NOT sound" in str(report)
+
+
+def test_what_is_no_path_is_said_to_be_none():
+    for call in (check_cache, lambda path: export_scene(load_scene("hanging"), path)):
+        for path in (5, None, b"shot.usdc"):
+            with pytest.raises(InputError, match="Path must be the path of a file, got"):
+                call(path)

@@ -13,6 +13,7 @@ from warpcloth.scenes import check_cache, scene_from_toml
 from warpcloth.cli import run
 from warpcloth.cli.view import check_host
 from warpcloth.view.player import Player
+from warpcloth.errors import InputError
 from warpcloth.view.server import free_port
 from warpcloth.view.session import Session
 
@@ -199,6 +200,25 @@ def test_a_page_takes_the_next_port_that_is_free():
         taken.listen()
         port = taken.getsockname()[1]
         assert port < free_port("127.0.0.1", port) < port + 1000
+
+
+def test_addresses_that_a_machine_has_not_are_left_out(monkeypatch):
+    """As of ``localhost`` where there is no IPv6; servers do the same."""
+    kind = (socket.AF_INET, socket.SOCK_STREAM, 6, "")
+    foreign, own = "192.0.2.1", "127.0.0.1"  # the first is of nobody (RFC 5737)
+
+    def addresses(*hosts):
+        monkeypatch.setattr(socket, "getaddrinfo", lambda host, port, **_: [(*kind, (each, port)) for each in hosts])
+
+    with socket.socket() as taken:
+        taken.bind((own, 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        addresses(foreign, own)
+        assert port < free_port("localhost", port) < port + 1000
+        addresses(foreign)
+        with pytest.raises(InputError, match="A page cannot be at the address 'localhost'"):
+            free_port("localhost", port)
 
 
 def test_a_timeline():

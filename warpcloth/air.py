@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 
 from . import validate
-from .validate import Array
+from .validate import Array, ReadOnly
 
 SEA_LEVEL_DENSITY = 1.225  # [kg/m³] of the standard atmosphere at 15 °C
 WAVES = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Air:
+class Air(ReadOnly):
     """Air with a steady, gusting or turbulent wind, which cloth does not slow down.
 
     What the air that moves with light cloth adds to its inertia is left out.

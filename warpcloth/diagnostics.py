@@ -11,10 +11,12 @@ from .errors import BadStartError, DivergedError
 from .intersections import intersections
 from .kernels import KernelSet
 from .kinematics import make_tracks
+from .launching import launch
 from .model import YARNS, Model
 from .obstacles import Obstacle
 from .state import State
 
+TORN = 100.0  # no fabric has an edge this many times its length; the softest grow to a tenth where somebody pulls hard
 DEEP_START = 1e-3  # [m] of penetration at the start that the response can mend without a visible jump
 
 
@@ -106,6 +108,35 @@ def check_finite(model: Model, bad: np.ndarray, time: float, integrator: str, su
             "implicit_euler.",
             tuple(np.flatnonzero(bad).tolist()),
         )
+
+
+def check_torn(model: Model, state: State) -> None:
+    """Stops on worlds whose cloth has grown as none can; bare networks of springs, which may, have no triangles.
+
+    Raises:
+        DivergedError: see :func:`torn_cloth`.
+    """
+    torn = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
+    launch(
+        model.kernels.diagnostics.count_torn,
+        dim=model.tri_count,
+        inputs=[model.tri_indices, model.particle_world, model.particle_q, TORN, state.particle_q],
+        outputs=[torn],
+        device=model.device,
+    )
+    counts = torn.numpy()
+    if counts.any():
+        raise torn_cloth(counts, TORN)
+
+
+def torn_cloth(torn: np.ndarray, limit: float) -> DivergedError:
+    """What to raise of worlds with ``torn`` (so many) edges of triangles over ``limit`` times their length."""
+    return DivergedError(
+        f"The simulation diverged: {torn.sum()} triangle edges grew to {limit:g} times their "
+        'length; use substeps="auto", more substeps, or an integrator that damps: xpbd or implicit_euler; where these '
+        "do not help, fabric is too weak for its load or pins are too fast.",
+        tuple(np.flatnonzero(torn).tolist()),
+    )
 
 
 def penetration_depths(model: Model, state: State, place: wp.array | None = None) -> np.ndarray:

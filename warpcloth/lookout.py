@@ -1,4 +1,4 @@
-"""Looks at each frame when it is done: stops on non-finite numbers, sees rest, and warns of what went badly."""
+"""Looks at each frame when it is done: stops on non-finite numbers and torn cloth, sees rest, warns of the rest."""
 
 import warnings
 from collections.abc import Sequence
@@ -40,13 +40,14 @@ class Lookout:
         """Looks at the frame of dt [s] that began at ``before`` and has just ended at ``state`` and ``time`` [s].
 
         Raises:
-            DivergedError: something is not finite.
+            DivergedError: something is not finite, or cloth is torn.
 
         Warns:
             ContactWarning, ConvergenceWarning: once each, in the name of whoever called the caller.
         """
         bad, way = diagnostics.frame_motion(self.model, before, state)
         diagnostics.check_finite(self.model, bad, time, self.integrator.name, substeps)
+        diagnostics.check_torn(self.model, state)
         self.rest_since = np.where(way > REST_SPEED * dt, np.inf, np.minimum(self.rest_since, time))
         self._look_at_guard(time)
         if self.integrator.implicit and not self._warned and self.integrator.metrics().get("unconverged_steps", 0):

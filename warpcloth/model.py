@@ -17,6 +17,7 @@ from .kinematics import LedPins, MovingPins, make_tracks
 from .launching import launch, launches
 from .model_parts import Parts, pairs_of_worlds, parts_of_network, parts_of_worlds, things_of_world
 from .obstacles import Obstacle
+from .state import OnDevice
 
 if TYPE_CHECKING:
     from .cloth import Cloth
@@ -38,7 +39,7 @@ class ClothRange:
     tri_stop: int
 
 
-class Model:
+class Model(OnDevice):
     """Particles, springs, triangles and obstacles of one or more independent worlds, on one device.
 
     Build one with :meth:`build`, :meth:`build_worlds` or :meth:`from_springs`. Names follow Newton's where it has one.

@@ -9,13 +9,13 @@ import numpy as np
 from . import validate
 from .errors import InputError
 from .transforms import rotation_matrix
-from .validate import Array
+from .validate import Array, ReadOnly
 
 INTERPOLATIONS = ("linear", "smooth")
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(ReadOnly):
     """Rigid motion relative to the initial placement: x(t) = pivot + R(t) (x0 − pivot) + p(t).
 
     Before the first and after the last key the pose is held. Rotation vectors are interpolated component by

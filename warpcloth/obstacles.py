@@ -11,11 +11,11 @@ from .meshes import load_mesh, obstacle_mesh
 from .meshes.check import check_areas, checked_arrays
 from .motion import Motion
 from .transforms import apply, as_matrix
-from .validate import Array
+from .validate import Array, ReadOnly
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Obstacle:
+class Obstacle(ReadOnly):
     """What all obstacles have in common.
 
     Args:

@@ -12,7 +12,7 @@ from .contact import CONTACTS, ContactStage
 from .force_terms import airs_of, force_terms, world_gravity
 from .forces import BlockMatrix, Forces, Grabs
 from .forces.grabs import Hold
-from .forces.user import UserForce
+from .forces.user import UserForce, user_forces
 from .frames import Frames
 from .grab import Grab, GrabTape, make_hold
 from .hooks import Hook
@@ -23,7 +23,7 @@ from .launching import copy, launch, launches, records
 from .lookout import Lookout
 from .model import Model, of_model
 from .recording import missed_pairs, recordable_substeps
-from .state import Memory, State
+from .state import Memory, OnDevice, State
 from .stopwatch import Stopwatch
 from .untangle import untangle
 from .worlds import WorldReset, take_worlds, world_mask, worlds_to_keep
@@ -31,7 +31,7 @@ from .worlds import WorldReset, take_worlds, world_mask, worlds_to_keep
 MAX_SUBSTEPS = 100_000
 
 
-class Simulation:
+class Simulation(OnDevice):
     """Advances a model in time.
 
     Args:
@@ -45,7 +45,7 @@ class Simulation:
         air: the :class:`Air` that triangles of cloth move through, or one per world; None: a vacuum.
         assembly: "scatter" or "gather", see :class:`warpcloth.forces.Springs`.
         graph: record each frame and replay it, where integrator and device can.
-        check: after each frame, raise if anything is not finite.
+        check: after each frame, raise if anything is not finite, or cloth is torn to many times its length.
         forces: forces of your own, besides those of the model.
         hooks: what you do between the stages of each substep.
         untangled: try to resolve intersections at the start; what that did is in the attribute of the same name.
@@ -93,7 +93,7 @@ class Simulation:
     ):
         self.model = validate.instance(model, Model, "Model")
         self.hooks = of_model(model, validate.instances(hooks, Hook, "hooks"))
-        own = of_model(model, validate.instances(forces, UserForce, "forces"))
+        own = of_model(model, user_forces(forces))
         self.integrator = make_integrator(integrator, model, integrator_options)
         self.watch = Stopwatch(model.device, validate.flag(profile, "profile"))
         replay = validate.flag(graph, "graph") and self.integrator.capturable and not self.watch.active
@@ -143,7 +143,7 @@ class Simulation:
         Raises:
             InputError: dt is not a positive number, or the frame cannot be recorded.
             SimulationError: automatic substeps would be too many, or the integrator cannot go on: there was no frame.
-            DivergedError: (when ``check``) something is no longer finite; ``state`` is what came out.
+            DivergedError: (when ``check``) something is not finite, or cloth is torn; ``state`` is what came out.
 
         Warns:
             StabilityWarning: the given ``substeps`` are too few for the integrator; named are those that would do.

@@ -1,7 +1,7 @@
 """What changes during a simulation."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -25,8 +25,18 @@ class Memory:
     particle: np.ndarray | None
 
 
+class OnDevice:
+    """What is made of Warp arrays, which can be neither pickled nor copied as Python objects are."""
+
+    def __getstate__(self) -> Any:
+        raise TypeError(
+            f"A {type(self).__name__} is made of arrays on a device and can be neither pickled nor copied; pickle the "
+            "scene or the cloths and obstacles that it is made from, and what .numpy() says of its arrays."
+        )
+
+
 @dataclass(eq=False)
-class State:
+class State(OnDevice):
     """Positions, velocities and forces of all particles, and the clock of every world; plain Warp arrays.
 
     Attributes:

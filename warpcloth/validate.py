@@ -24,6 +24,16 @@ LARGEST = 1e12  # beyond this no SI quantity of cloth is meant, and products wou
 SMALLEST = 1e-12  # and closer to 0 than this, they would vanish
 
 
+class ReadOnly:
+    """What has read-only arrays, unpickled or copied, too: neither keeps numpy's flag."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        self.__dict__.update(state)
+
+
 def number(
     value: Any, what: str, *, above: float | None = None, minimum: float | None = None, maximum: float = LARGEST
 ) -> float:

@@ -13,12 +13,15 @@ from .table import Table, field
 from .values import Color, Text, at_least_zero, positive, refuse
 
 _PLAIN = Fabric()
+_SHEET = {"areal_density", "stretch_stiffness", "shear_stiffness", "bending_rigidity"}  # what makes one fabric another
 
 
 class FabricTable(Table):
     """What a cloth is made of: properties of the sheet, which do not depend on the resolution of its mesh.
     `fabric = "denim"` takes a fabric of the library (`warpcloth fabrics` lists them), and a table with its name changes
     some of its properties; the defaults here are those of a table without such a name, and of cloth without `fabric`.
+    A fabric with a name of your own needs a density or stiffness of its own, too, and all if its name is much like one
+    of the library's.
     """
 
     name: Annotated[str, Text(r"\S(.*\S)?", "a name", 200)] = field(
@@ -92,16 +95,27 @@ class FabricTable(Table):
             raise refuse("must have a bending_length or a bending_rigidity, not both")
         if (self.strain_limit is None) != (self.limit_stiffness is None):
             raise refuse("must have a strain_limit and a limit_stiffness, or neither, as one alone does nothing")
-        if self.name not in fabrics() and not self.model_fields_set - {"name", "color"} and self.name != _PLAIN.name:
-            raise refuse(
-                f"must have properties of its own or the name of a fabric, not '{self.name}'{_suggestion(self.name)}"
-            )
+        self._check_name()
         try:
             self.build()
         except InputError as error:
             reason = str(error).removeprefix(f"Fabric '{self.name}': ").rstrip(".")
             raise refuse(f"cannot be: its {reason}") from None
         return self
+
+    def _check_name(self) -> None:
+        """A name that is not in the library is one's own only with properties that make a fabric of it, and one that
+        may be a slip only with all of these, as the library's fabric would have given them."""
+        if self.name in fabrics() or self.name == _PLAIN.name:
+            return
+        given = {name for name, value in self if value is not None}
+        missing = _SHEET - given - ({"bending_rigidity"} if "bending_length" in given else set())
+        slip = bool(difflib.get_close_matches(self.name, list(fabrics()), n=1, cutoff=0.75))
+        if missing == _SHEET or (slip and missing):
+            raise refuse(
+                f"must have the name of a fabric, or {', '.join(sorted(_SHEET))} of its own, not "
+                f"'{self.name}'{_suggestion(self.name)}"
+            )
 
     def build(self) -> Fabric:
         """The simulator's fabric."""

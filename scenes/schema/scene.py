@@ -1,8 +1,6 @@
 """The whole scene: what a scene file holds."""
 
 import dataclasses
-import functools
-import operator
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,6 +9,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Discriminator, Field, PrivateAttr, ValidationError, model_validator
 
+from warpcloth import validate
 from warpcloth.cloth import Cloth
 from warpcloth.errors import InputError, SceneError
 
@@ -19,6 +18,7 @@ from .cloth import DiscTable, GridTable, MeshClothTable
 from .messages import explain
 from .network import Network, NetworkTable
 from .obstacle import BoxTable, CapsuleTable, LatheTable, MeshObstacleTable, PlaneTable, SphereTable
+from .paths import assign
 from .simulation import SimulationTable
 from .stage import StageTable
 from .table import Table, field
@@ -92,14 +92,14 @@ class Scene(Table):
                 numbers, too.
 
         Raises:
-            SceneError: A value is not one that its field can have.
+            SceneError: A path leads nowhere, or a value is not one that its field can have.
+            InputError: The values are not given by paths.
         """
+        if not isinstance(values, Mapping) or not all(isinstance(path, str) for path in values):
+            raise InputError(f'Values must be a dict such as {{"frames": 10}}, got {validate.shown(values)}.')
         data = self.model_dump()
         for path, value in values.items():
-            *tables, key = path.split(".")
-            functools.reduce(operator.getitem, tables, data)[key] = (
-                value.item() if isinstance(value, np.generic) else value
-            )
+            assign(data, path, value.item() if isinstance(value, np.generic) else value)
         try:
             return type(self).model_validate(data).placed(self._name, self._folder, self._source.file)
         except ValidationError as error:

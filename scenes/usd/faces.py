@@ -31,8 +31,9 @@ def changing_faces(mesh: UsdGeom.Mesh) -> str | None:
     Many writers sample faces at every frame, as they do not look whether these ever change.
     """
     for attribute in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()):
-        first, *later = (attribute.Get(code) for code in attribute.GetTimeSamples() or [Usd.TimeCode.Default()])
-        said = attribute.Get()
+        codes, said = attribute.GetTimeSamples(), attribute.Get()
+        first = attribute.Get(codes[0]) if codes else said
+        later = (attribute.Get(code) for code in codes[1:])  # one after the other: they may be many
         if any(value != first for value in later) or (said is not None and said != first):
             return str(attribute.GetName())
     return None

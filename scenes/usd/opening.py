@@ -1,14 +1,13 @@
 """Opening a stage to read it."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from ...errors import UsdError
 from ...meshes.stage_units import number_fault, si_matrix, unit_fault
-from ...validate import is_utf8
+from ...validate import file_path, is_utf8
 from .failures import as_usd_error, quietly
 
 READABLE = (".usd", ".usda", ".usdc", ".usdz")
@@ -18,9 +17,10 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
     """The stage in a USD file, as it is on disk now.
 
     Raises:
+        InputError: ``path`` is not the path of a file.
         UsdError: when the file is missing, empty, not USD, or corrupt, or has no usable units.
     """
-    file = Path(path).expanduser().absolute()
+    file = file_path(path, "path").expanduser().absolute()
     if not is_utf8(file):
         raise UsdError(f"Cannot read {str(file)!r}: USD needs a path that is UTF-8 text.")
     if file.is_dir():

@@ -11,6 +11,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from .. import validate
+from ..errors import SimulationError
 from .bench_options import output_folder
 from .report import Report, to_json
 from .terminal import messages, start_warp
@@ -40,7 +41,7 @@ def command(
     output: Output = Path("lab"),
     no_plots: NoPlots = False,
 ) -> Report:
-    """Test a fabric as textile laboratories do: cantilever, drape and others."""
+    """Test a fabric as textile laboratories do: cantilever, drape and others; exit code 3 if a check fails."""
     from ..fabric_library import library_fabric
     from ..lab import TESTS, Setup
     from ..lab.plots import pyplot
@@ -58,11 +59,12 @@ def command(
         result, files = _run(name, setup, folder, not no_plots)
         results.append((result, files))
         data.append(result.as_dict(files))
+    code = 0 if all(result.passed for result, _ in results) else SimulationError.exit_code
     if test != "report":
-        return Report(data[0], _text(results[0][0]))
+        return Report(data[0], _text(results[0][0]), code)
     page = write_page(results, folder)
     messages().print(f"Wrote {page}")
-    return Report({"tests": data, "page": page}, Group(*(_text(result) for result, _ in results)))
+    return Report({"tests": data, "page": page}, Group(*(_text(result) for result, _ in results)), code)
 
 
 def _run(name: str, setup: "Setup", folder: Path, pictures: bool) -> tuple["Result", list[Path]]:

@@ -14,14 +14,14 @@ import numpy as np
 
 from .. import validate
 from ..errors import InputError
-from ..validate import Array
+from ..validate import Array, ReadOnly
 
 SLIP_CURVATURE = 10.0  # [1/m] over which friction grows to its full moment; a bending test goes to 250/m
 FLAT = 1e-5  # curvature times size of an element below which its rest shape counts as flat
 
 
 @dataclass(frozen=True, eq=False)
-class BendingElements:
+class BendingElements(ReadOnly):
     """Bending elements over the particles of a cloth: e elements with m entries in all.
 
     Args:

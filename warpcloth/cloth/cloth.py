@@ -11,7 +11,7 @@ from ..fabric import Fabric
 from ..meshes import cloth_mesh, load_mesh
 from ..meshes.check import checked_arrays
 from ..transforms import apply, as_matrix, unturned
-from ..validate import Array
+from ..validate import Array, ReadOnly
 from .arguments import checked_fabric, cloth_label, disc_radius, grid_resolution, grid_size, require, rigid_matrix
 from .bending import BendingElements
 from .bending_grid import grid_bending
@@ -28,7 +28,7 @@ MAX_RINGS = 2048  # 12.6 million vertices
 
 
 @dataclass(frozen=True, eq=False)
-class Cloth:
+class Cloth(ReadOnly):
     """A piece of cloth on the host; all arrays are read-only.
 
     Args:

@@ -9,11 +9,11 @@ import numpy as np
 from .. import validate
 from ..errors import InputError
 from ..motion import Motion
-from ..validate import Array
+from ..validate import Array, ReadOnly
 
 
 @dataclass(frozen=True, eq=False)
-class Pin:
+class Pin(ReadOnly):
     """Vertices held in place, or moved together.
 
     Args:

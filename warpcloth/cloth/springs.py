@@ -14,7 +14,7 @@ from .. import validate
 from ..errors import FabricWarning, InputError
 from ..fabric import Fabric
 from ..meshes.topology import EdgeTable
-from ..validate import Array
+from ..validate import Array, ReadOnly
 from .mesh_fit import extreme_moduli, fit_springs
 
 STRUCTURAL, SHEAR, BEND = 0, 1, 2
@@ -26,7 +26,7 @@ KIND_NAMES = ("structural", "shear", "bend")
 
 
 @dataclass(frozen=True, eq=False)
-class SpringNetwork:
+class SpringNetwork(ReadOnly):
     """Springs between particles.
 
     Args:

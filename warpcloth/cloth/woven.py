@@ -14,7 +14,7 @@ import numpy as np
 from .. import validate
 from ..errors import InputError
 from ..fabric import Fabric
-from ..validate import Array
+from ..validate import Array, ReadOnly
 from .sheet import sheet_tensor
 
 WARP = np.array([1.0, 0.0, 0.0])
@@ -22,7 +22,7 @@ LEAST_PART = 0.1  # of the warp that must lie in a triangle to give it its direc
 
 
 @dataclass(frozen=True, eq=False)
-class WovenTriangles:
+class WovenTriangles(ReadOnly):
     """Triangles with springs along warp, weft and ±45° between them.
 
     Args:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..errors import DivergedError
+from ..diagnostics import torn_cloth
 from ..launching import copy, fill, launch, only_if, repeat_while
 from ..model import Model
 from ..obstacles import Obstacle
@@ -24,7 +24,7 @@ from .pair_list import PairList
 
 SEPARATION = 1e-6  # [m] that the guard keeps between any two; well above the rounding of float32 at a metre
 REACH = 1.25  # pairs nearer than this many contact distances are listed
-TORN = 10.0  # an edge this many times its length has no cloth in it: the integrator has diverged
+TORN = 10.0  # an edge this many times its length is near everything, and no guard can keep it from that
 PASSES = 2  # of the response each substep. With one, creep on an incline and strain in piles are three times as large
 ROUNDS = 100  # of parting what would meet, before the rest is held back; few scenes need more than 4
 # Rounds over which the clearance grows; without that a spinning ball at 9 m/s took 300, with it 40. Tried besides: to
@@ -111,7 +111,7 @@ class ClothContact:
         """Ends an interval of ``span`` [s] at ``state``: holds back what would have passed through cloth."""
         model = self.model
         self._launch(
-            self.kernels.contact_guard.count_torn, model.tri_count,
+            self.kernels.diagnostics.count_torn, model.tri_count,
             [model.tri_indices, model.particle_world, model.particle_q, TORN, state.particle_q],
             [self.torn],
         )  # fmt: skip
@@ -142,11 +142,7 @@ class ClothContact:
         torn = self.torn.numpy().copy()
         if torn.any():
             fill(self.torn)  # worlds may be reset, and go on
-            raise DivergedError(
-                f"The simulation diverged: {torn.sum()} triangle edges grew to {TORN:g} times their length in one "
-                'frame; use substeps="auto", more substeps, or an integrator that damps: xpbd or implicit_euler.',
-                tuple(np.flatnonzero(torn).tolist()),
-            )
+            raise torn_cloth(torn, TORN)
         short = any([self.pairs.grow(), self.finder.grow()])
         if short:
             self.recall()

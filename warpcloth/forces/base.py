@@ -1,11 +1,14 @@
 """The sum of all forces on the particles of a model."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, Protocol, runtime_checkable
 
 import warp as wp
 
+from .. import validate
+from ..errors import InputError
 from ..launching import copy, fill, launch
 from ..model import Model
 from ..state import Memory, State
@@ -239,6 +242,17 @@ class Forces:
         )
         energies = {"spring": 0.0, "bending": 0.0, "gravity": float(out.numpy().sum())}
         for term in self.terms:
-            for name, value in term.energy(state).items():
+            for name, value in _energies(term, state):
                 energies[name] = energies.get(name, 0.0) + value
         return energies
+
+
+def _energies(term: ForceTerm, state: State) -> list[tuple[str, float]]:
+    """What a term says of its energies [J], by name; it may be a caller's own."""
+    found = term.energy(state)
+    if not isinstance(found, Mapping) or not all(isinstance(value, Real) for value in found.values()):
+        raise InputError(
+            f"The method energy of {type(term).__name__} must return a dict of numbers [J] by name, empty where there "
+            f"is no potential, got {validate.shown(found)}."
+        )
+    return list(found.items())

@@ -1,5 +1,7 @@
 """Forces of the caller's own."""
 
+from typing import Any
+
 import warp as wp
 
 from .. import validate
@@ -41,6 +43,19 @@ class UserForce:
 
     def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
         """Adds the diagonal blocks of a K + b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
+
+
+def user_forces(forces: Any) -> list[UserForce]:
+    """What was given as forces of the caller's own.
+
+    Raises:
+        InputError: it is no list of them, or one has no ``accumulate``.
+    """
+    own = validate.instances(forces, UserForce, "forces")
+    for k, force in enumerate(own):
+        if type(force).accumulate is UserForce.accumulate:
+            raise InputError(f"Forces[{k}], {type(force).__name__}, needs a method accumulate(state, time_offset).")
+    return own
 
 
 class AppliedForce(UserForce):

@@ -9,7 +9,7 @@ import numpy as np
 from .. import validate
 from ..errors import MeshError
 from ..transforms import apply
-from ..validate import Array
+from ..validate import Array, ReadOnly
 from .check import areas_only, check_areas, check_manifold, checked_arrays
 from .topology import EdgeTable, near_groups, oriented
 
@@ -17,7 +17,7 @@ SEAM = 1e-6  # of a mesh's largest extent: some rounding errors of float32, far 
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleMesh:
+class TriangleMesh(ReadOnly):
     """Triangles over shared vertices, Z up and in metres.
 
     Args:

@@ -16,7 +16,7 @@ from ..scenes.usd.playback import Playback
 from .camera import Camera, make_camera
 from .coloring import Coloring
 from .files import FASTEST_GIF, FILMS, STILLS, check_output, film_rate, write_film, write_still
-from .legend import with_color_bar, with_label
+from .legend import color_bar_height, with_color_bar, with_label
 from .looks import PATTERN_NAMES
 from .paint import Painter
 from .shot import Shot
@@ -120,12 +120,13 @@ class _Renderer:
         return with_color_bar(self._paint(frame, self._camera(frame), self.size, 3), self.coloring)
 
     def sheet(self, count: int, on_picture: OnPicture | None) -> np.ndarray:
-        """Frames in rows, from the first to the last, each with its time."""
+        """Frames in rows, from the first to the last, each with its time; a colour bar below them."""
+        width, height = self.size
         columns = math.ceil(math.sqrt(count))
         rows = math.ceil(count / columns)
-        cell = (self.size[0] // columns, self.size[1] // rows)
+        cell = (width // columns, (height - color_bar_height(height, self.coloring)) // rows)
         camera = make_camera(self.camera, self.shot.framing(), cell)
-        canvas = np.full((rows * cell[1], columns * cell[0], 3), 255, np.uint8)
+        canvas = np.full((height, width, 3), 255, np.uint8)
         for k, frame in enumerate(np.linspace(0, self.playback.frames - 1, count).round().astype(int)):
             picture = with_label(self._paint(int(frame), camera, cell, 2), f"{self.playback.time(int(frame)):.2f} s")
             top, left = k // columns * cell[1], k % columns * cell[0]

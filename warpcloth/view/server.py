@@ -44,16 +44,38 @@ def free_port(host: str, port: int) -> int:
     last = min(first + 999, LAST_PORT)
     for candidate in range(first, last + 1):
         try:
-            family, kind, protocol, _, address = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0]
+            if _is_free(host, candidate):
+                return candidate
+        except (OSError, UnicodeError) as error:  # the latter of names that none can be
+            reason = getattr(error, "strerror", None) or "it is no name of a machine"
+            raise InputError(f"A page cannot be at the address {validate.shown(host)}: {reason}.") from None
+    raise InputError(f"The ports {first} to {last} of {host} are all in use, or not yours; choose another --port.")
+
+
+def _is_free(host: str, port: int) -> bool:
+    """Whether no address of the host has the port in use.
+
+    A name may have addresses of a kind that this machine has not, as ``localhost`` where there is no IPv6; servers
+    leave these out.
+
+    Raises:
+        OSError: it has no others; UnicodeError: it is no name.
+    """
+    found, fault = False, OSError("no address")
+    for family, kind, protocol, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+        try:
             with socket.socket(family, kind, protocol) as probe:
                 probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, os.name == "posix")
                 probe.bind(address)
-            return candidate
-        except (OSError, UnicodeError) as error:  # the latter of names that none can be
-            if getattr(error, "errno", None) not in (errno.EADDRINUSE, errno.EACCES):
-                reason = getattr(error, "strerror", None) or "it is no name of a machine"
-                raise InputError(f"A page cannot be at the address {validate.shown(host)}: {reason}.") from None
-    raise InputError(f"The ports {first} to {last} of {host} are all in use, or not yours; choose another --port.")
+        except OSError as error:
+            if error.errno in (errno.EADDRINUSE, errno.EACCES):
+                return False
+            fault = error
+        else:
+            found = True
+    if not found:
+        raise fault
+    return True
 
 
 def open_server(host: str, port: int) -> Any:
