@@ -12,8 +12,8 @@ from warpcloth.scenes import check_cache, scene_from_toml
 
 from warpcloth.cli import run
 from warpcloth.cli.view import check_host
-from warpcloth.view.player import Player
 from warpcloth.errors import InputError
+from warpcloth.view.player import Player
 from warpcloth.view.server import free_port
 from warpcloth.view.session import Session
 

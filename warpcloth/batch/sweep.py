@@ -18,8 +18,8 @@ from ..errors import SceneError
 from ..scenes import Scene, load_scene
 from ..scenes.load import STAGES, bundled_scenes, find_scene, parse_toml, read_text, scene_from_data
 from ..scenes.overrides import apply_overrides
-from ..scenes.schema.paths import assign
 from ..scenes.schema import explain, suggest
+from ..scenes.schema.paths import assign
 from .draws import coordinates, grid_coordinates, quantile
 from .schema import ParameterTable, SweepTable
 
