@@ -101,3 +101,21 @@ def test_what_is_held_back_keeps_that_share_of_its_speed_and_takes_its_carriers_
     assert qd.numpy() == pytest.approx(share * speed + (1.0 - share) * carried)
     assert q.numpy() == pytest.approx(np.where(share < 1.0, ends, start))
     assert counts.numpy().tolist() == [6, 0, 0, 0]
+
+
+def test_each_group_of_pins_that_moves_is_a_carrier_of_its_own():
+    """After the obstacles; about the middle of its pins, at the time of its world."""
+    spin = wc.Motion([0.0, 1.0], [[0.0, 0.0, 0.0], [0.2, 0.0, 0.4]], [[0.0, 0.0, 0.0], [0.0, 1.2, 0.0]])
+    pins = [wc.pin("left", motion=TURN), wc.pin("right", motion=spin)]
+    held = wc.Cloth.grid((0.2, 0.1), (3, 2), transform=(0.0, 0.0, 0.5), pins=pins)
+    sim = wc.Simulation(wc.Model.build([held], [wc.Plane()], device="cpu"), "xpbd", contact="all", substeps=4)
+    hold, state = sim.contact.cloths.hold, sim.state
+    state.world_time.fill_(0.5)
+    out = wp.zeros_like(hold._place_from)
+    sim.contact.place(state, 0.0)
+    hold._place(state, out)
+    found = out.numpy()[2:]
+    for place, pin in zip(found, held.pins, strict=True):
+        matrix = pin.motion.matrix(0.5, held.points[pin.indices].mean(axis=0))
+        assert place["position"] == pytest.approx(matrix[:3, 3], abs=1e-6)
+        assert place["rotation"] == pytest.approx(matrix[:3, :3], abs=1e-6)
