@@ -14,11 +14,20 @@ import warpcloth as wc
 from warpcloth import program
 from warpcloth.errors import InputError
 from warpcloth.integrators import INTEGRATORS
+from warpcloth.interop.handles import Handles
 from warpcloth.launching import copy, fill, launch, only_if, recording, repeat_while
 from warpcloth.program import ProgramWriter, record_program
 
 KERNELS = KernelSet("float32")
 THREADS = [1, 2, 3]
+
+
+@wp.kernel
+def count_step(
+    # Out
+    steps_out: wp.array(dtype=wp.int32),
+):
+    wp.atomic_add(steps_out, 0, 1)
 
 
 def numbers(values, dtype=wp.int32) -> wp.array:
@@ -232,6 +241,22 @@ def test_threads_out_of_range_are_refused():
 
 def test_frames_with_hooks_take_one_thread():
     assert crowd(2, hooks=[wc.Hook()]).threads == 1
+
+
+def test_a_hook_built_on_one_that_is_recorded_has_launches_of_its_own():
+    """What a class says of its launches it does not say of those that others add to it."""
+
+    class Counting(Handles):
+        def after_step(self, start, end, dt):
+            super().after_step(start, end, dt)
+            wp.launch(count_step, 1, inputs=[], outputs=[steps], device="cpu")
+
+    steps = wp.zeros(1, dtype=wp.int32, device="cpu")
+    cloth = wc.Cloth.grid((0.2, 0.2), (4, 4), pins="left")
+    model = wc.Model.build([cloth], device="cpu")
+    sim = wc.Simulation(model, "xpbd", substeps=4, hooks=[Counting(model, None)])
+    sim.run(5)
+    assert steps.numpy()[0] == 20
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

@@ -1,7 +1,7 @@
 """What a stage says of itself, and what of the prims below one that somebody names becomes cloth or collider."""
 
 import pytest
-from pxr import Usd, UsdGeom, UsdPhysics
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 from shot_files import add_ball, add_cloth, add_mesh, new_stage, sheet
 from warpcloth.scenes import load_scene, simulate
 from warpcloth.scenes.shots.export import export_scene
@@ -120,3 +120,14 @@ def test_strain_is_that_under_a_scale_that_has_samples_only(tmp_path, stage):
     stage.Save()
     result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", device="cpu", frames=2)
     assert check_cache(result.output).max_strain < 0.01
+
+
+@pytest.mark.parametrize("mesh", [sheet(2), sheet(5)], ids=["one face", "many"])
+@pytest.mark.parametrize("interpolation", ["uniform", "faceVarying", "vertex", "constant"])
+def test_one_weight_pins_all_points_whatever_it_is_said_to_be_of(tmp_path, mesh, interpolation):
+    stage = new_stage(tmp_path / "shot.usda")
+    primvars = UsdGeom.PrimvarsAPI(add_cloth(stage, mesh=mesh))
+    primvars.CreatePrimvar("pins", Sdf.ValueTypeNames.FloatArray, interpolation).Set([1.0])
+    stage.Save()
+    (part,) = read_shot(tmp_path / "shot.usda").parts
+    assert len(part.cloth.pinned) == len(part.cloth.points)

@@ -85,15 +85,30 @@ def test_load_is_at_most_four_radii():
     assert 0.0 < sim.contact.cloths.load.length.numpy().max() <= 4.0 * 0.5 * COTTON.thickness
 
 
-def test_what_touches_an_obstacle_only_loses_its_load():
+def sheet_on_a_cone() -> wc.Simulation:
     cone = wc.MeshObstacle.from_mesh(trimesh.creation.cone(0.05, 0.08, sections=8))
     sheet = wc.Cloth.grid((0.15, 0.15), (8, 8), COTTON, transform=(0.003, 0.004, 0.081))
     sim = resting([([sheet], [cone])])
     sim.run(20)
+    return sim
+
+
+def test_what_touches_an_obstacle_only_loses_its_load():
+    sim = sheet_on_a_cone()
     load = sim.contact.cloths.load.length
     load.fill_(COTTON.thickness)
     sim.run(20)
     assert load.numpy().max() < 0.01 * COTTON.thickness
+
+
+def test_load_keeps_no_distance_from_obstacles():
+    plain, loaded = sheet_on_a_cone(), sheet_on_a_cone()
+    assert bits(loaded) == bits(plain)
+    loaded.contact.cloths.load.length.fill_(2.0 * COTTON.thickness)
+    for sim in (plain, loaded):
+        sim.step(FRAME)
+    assert plain.contact.cloths.pairs.contacts.depth.numpy().max() > 0.0
+    assert bits(loaded) == bits(plain)
 
 
 def test_a_stack_that_is_reset_repeats_itself():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Ts, Usd, UsdGeom, UsdPhysics
 from shot_files import add_cloth, new_stage, pin_points
+from warpcloth.scenes import load_scene, simulate
 from warpcloth.scenes.shots.shot import read_shot
 from warpcloth.scenes.usd import read_obstacles
 from warpcloth.scenes.usd.moving import merged, path_codes, transform_codes
@@ -198,3 +199,19 @@ def test_turns_that_nobody_can_follow_are_refused():
     turn.Set(1e9, RATE)
     with pytest.raises(UsdError, match=r"^Prim /Arm/Shape turns by 1e\+09° between time codes 0 and 24, which is too"):
         read_obstacles(stage)
+
+
+def test_held_points_stand_still_as_seen_from_what_turns_with_them(tmp_path):
+    """At 3.6 m/s: velocities are those at the frame, not over much of what follows it."""
+    stage = new_stage(tmp_path / "shot.usda")
+    pin_points(add_cloth(stage), [0, 1, 2, 3, 4])
+    turn = UsdGeom.Xformable(stage.GetPrimAtPath("/World")).AddRotateZOp()
+    for frame in range(5):
+        turn.Set(30.0 * frame, frame)
+    stage.Save()
+    result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", device="cpu")
+    shot = Usd.Stage.Open(str(result.output))
+    velocities = UsdGeom.Mesh.Get(shot, "/World/Shirt").GetVelocitiesAttr()
+    for frame in range(5):
+        assert np.abs(np.array(velocities.Get(frame))[:5]).max() < 0.02
+    assert np.abs(np.array(velocities.Get(0))[5:]).max() > 1.0  # the others do not turn yet

@@ -141,11 +141,11 @@ def _weights(mesh: UsdGeom.Mesh, primvar: UsdGeom.Primvar, code: float, count: i
     weights = np.atleast_1d(np.array([0.0] if values is None else values))
     if weights.ndim > 1 or weights.dtype.kind not in "biuf":
         raise UsdError(f"{where} {primvar.GetName()} of type {primvar.GetTypeName()}, but pins are numbers.")
+    if weights.shape == (1,):  # for all, whatever it is said to be of
+        return np.full(count, float(weights[0]))
     counts, corners = _faces(mesh)
     sizes = {"uniform": ("face", len(counts)), "faceVarying": ("corner of a face", len(corners))}
     each, wanted = sizes.get(primvar.GetInterpolation(), ("point", count))
-    if weights.shape == (1,):
-        weights = np.full(wanted, weights[0])
     if weights.shape != (wanted,):
         raise UsdError(
             f"{where} {len(weights)} values of {primvar.GetName()}, but needs one for each {each}: {wanted}."

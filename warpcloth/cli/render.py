@@ -30,7 +30,8 @@ CameraOption = Annotated[
         "--camera", help="auto, front, back, left, right, top, low, high; azimuth,elevation[,zoom]; x,y,z,tx,ty,tz."
     ),
 ]
-Fps = Annotated[float | None, typer.Option(metavar="N", help="Pictures per second.  [default: the cache's]")]
+USUAL_RATE = "the cache's, up to 60, or 25 in a .gif; 24 around one frame"
+Fps = Annotated[float | None, typer.Option(metavar="N", help=f"Pictures per second.  [default: {USUAL_RATE}]")]
 Color = Annotated[str, typer.Option(help="What colours show: fabric, strain or speed.")]
 Pattern = Annotated[str, typer.Option(help="Pattern of the cloth: plain, weave, gingham, stripes, dots, windowpane.")]
 

@@ -71,7 +71,7 @@ def write_film(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
 
 def _write_gif(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
     frames = [Image.fromarray(image).quantize(256, dither=Image.Dither.FLOYDSTEINBERG) for image in images]
-    duration = round(1000.0 / film_rate(path, fps))  # [ms]
+    duration = round(1000.0 / fps)  # [ms]; whole hundredths of a second, as of film_rate
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=duration, loop=0, optimize=False)
 
 

@@ -68,7 +68,8 @@ def render(
         sheet: one picture of so many frames, evenly over time; at most as many as there are.
         size: width and height of the picture [pixels], even numbers.
         camera: see :func:`warpcloth.render.camera.make_camera`.
-        fps: pictures per second of a film, for a ``.gif`` the nearest that it can have; by default the cache's.
+        fps: pictures per second of a film, for a ``.gif`` the nearest that it can have; by default the cache's, but no
+            more than 60, or 25 in a ``.gif``; of a turntable 24.
         color: what colours show, see :data:`warpcloth.render.coloring.COLORINGS`.
         pattern: on the cloth, one of :data:`warpcloth.render.looks.PATTERN_NAMES`.
         on_picture: called after each picture with its number and the number of pictures.

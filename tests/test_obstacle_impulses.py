@@ -1,0 +1,82 @@
+"""What obstacles have done within an implicit step counts once, at its end, and for the obstacle that did it."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import warpcloth as wc
+from warpcloth.contact.obstacle_support import FREE_LOOKS
+
+MU = 0.3
+FABRIC = wc.Fabric(stretch_stiffness=50.0, shear_stiffness=10.0, friction=MU)
+RADIUS = 0.5 * FABRIC.thickness
+
+
+def sheet(position, **options) -> wc.Cloth:
+    return wc.Cloth.grid((0.1, 0.1), (4, 4), FABRIC, transform=position, **options)
+
+
+def corner(kind: str, friction: float) -> list:
+    """A floor at z = 0 and a wall at x = 0.05 m and a radius."""
+    common = {"thickness": 0.0, "friction": friction}
+    edge = 0.05 + RADIUS
+    if kind == "one mesh":
+        boxes = [trimesh.creation.box((1.0, 1.0, 0.1)), trimesh.creation.box((0.1, 1.0, 1.0))]
+        boxes[0].apply_translation((0.0, 0.0, -0.05))
+        boxes[1].apply_translation((edge + 0.05, 0.0, 0.0))
+        return [wc.MeshObstacle.from_mesh(trimesh.util.concatenate(boxes), **common)]
+    planes = [wc.Plane(**common), wc.Plane((edge, 0.0, 0.0), (-1.0, 0.0, 0.0), **common)]
+    return planes if kind == "floor first" else planes[::-1]
+
+
+@pytest.mark.parametrize("kind", ["floor first", "wall first", "one mesh"])
+@pytest.mark.parametrize("friction", [0.0, MU])
+def test_cloth_that_leans_on_a_wall_stays_on_the_floor(kind, friction):
+    """Its edge touches both; what one of them holds up is no rubbing at the other."""
+    model = wc.Model.build([sheet((0.0, 0.0, RADIUS))], corner(kind, friction), precision="float64")
+    sim = wc.Simulation(model, "implicit_euler", gravity=(0.5, 0.0, -9.81), substeps=5, contact="obstacles")
+    for _ in range(20):
+        sim.step(1.0 / 60.0)
+        assert np.abs(sim.state.particle_q.numpy()[:, 2] - RADIUS).max() < 1e-6
+        assert np.abs(sim.state.particle_qd.numpy()[:, 2]).max() < 1e-5
+    right = sim.state.particle_q.numpy()[:, 0].max()
+    assert right == pytest.approx(0.05, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["implicit_euler", "linear_implicit_euler"])
+@pytest.mark.parametrize("speed", [0.5, 3.0])
+def test_friction_of_an_impact_is_that_of_one_impact(name, speed):
+    """Cloth that is thrown flat at a floor loses μ times what it falls with."""
+    cloth = sheet((0.0, 0.0, RADIUS + 1e-3 * speed), velocity=(2.0, 0.0, -speed))
+    model = wc.Model.build([cloth], [wc.Plane(thickness=0.0, friction=MU)], precision="float64")
+    sim = wc.Simulation(model, name, gravity=(0.0, 0.0, 0.0), substeps=1, contact="obstacles")
+    sim.step(1.0 / 240.0)
+    velocities = sim.state.particle_qd.numpy()
+    assert velocities[:, 2] == pytest.approx(0.0, abs=1e-6)
+    assert velocities[:, 0] == pytest.approx(2.0 - MU * speed, rel=1e-4)
+
+
+def test_a_plane_that_was_met_is_kept_after_many_looks():
+    """So that forces become continuous; in the next step the surface is looked at anew."""
+    cloth = wc.Cloth.grid((0.02, 0.02), (2, 2), FABRIC, transform=(0.0, 0.0, 0.502))
+    model = wc.Model.build([cloth], [wc.Sphere(radius=0.5, thickness=0.0, friction=0.0)], precision="float64")
+    sim = wc.Simulation(model, "implicit_euler", contact="obstacles")
+    support, end, start = sim.contact.support, sim.state.twin(), sim.state.particle_q.numpy()
+
+    def direction(aside: float) -> np.ndarray:
+        """Of the force on a particle at the end of a way down into the sphere and along x by so much [m]."""
+        end.particle_q.assign(start + np.array([aside, 0.0, -0.004]))
+        end.particle_f.zero_()
+        support.accumulate(end, 0.0)
+        force = end.particle_f.numpy()[0]
+        return force / np.linalg.norm(force)
+
+    sim.contact.place(sim.state, 0.01)
+    free = direction(0.02)
+    for look in range(1, FREE_LOOKS):
+        kept = direction(1e-4 * look)
+    assert np.abs(kept - free).max() > 0.005
+    assert direction(0.02) == pytest.approx(kept, abs=1e-9)
+    sim.contact.place(sim.state, 0.01)
+    assert direction(0.02) == pytest.approx(free, abs=1e-9)
+    assert direction(1e-4 * look) == pytest.approx(kept, abs=1e-9)
