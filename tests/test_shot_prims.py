@@ -1,7 +1,7 @@
 """What a stage says of itself, and what of the prims below one that somebody names becomes cloth or collider."""
 
 import pytest
-from pxr import Usd, UsdGeom, UsdPhysics
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 from shot_files import add_ball, add_cloth, add_mesh, new_stage, sheet
 from warpcloth.scenes import load_scene, simulate
 from warpcloth.scenes.shots.export import export_scene
@@ -120,3 +120,18 @@ def test_strain_is_that_under_a_scale_that_has_samples_only(tmp_path, stage):
     stage.Save()
     result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", device="cpu", frames=2)
     assert check_cache(result.output).max_strain < 0.01
+
+
+def test_strain_is_that_from_the_rest_shape_where_a_mesh_has_one(tmp_path, stage):
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Shirt"))
+    attribute = mesh.GetPrim().CreateAttribute("physics:restShapePoints", Sdf.ValueTypeNames.Point3fArray)
+    points = mesh.GetPointsAttr().Get()
+    attribute.Set(points)
+    mesh.GetPointsAttr().Set([point * 1.15 for point in points])
+    stage.Save()
+    result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", device="cpu", frames=4)
+    assert check_cache(result.output).max_strain == pytest.approx(0.15, rel=0.01)  # in the first frame
+    attribute.Set(points[:3])
+    stage.Save()
+    (error,) = check_cache(result.output).usd_errors
+    assert "has 3 physics:restShapePoints for 25 points" in error
