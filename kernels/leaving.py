@@ -16,8 +16,8 @@ def leave_solids(
     # Model
     particle_world: wp.array(dtype=wp.int32),
     particle_inv_mass: wp.array(dtype=real),
+    particle_radius: wp.array(dtype=real),
     shapes: Shapes,
-    gap: real,
     reach: real,
     # State in
     particle_q: wp.array(dtype=vec3),
@@ -25,10 +25,11 @@ def leave_solids(
     # Out
     particle_q_out: wp.array(dtype=vec3),
 ):
-    """Moves each free particle that is inside a solid to ``gap`` [m] over the nearest point of its surface."""
+    """Moves each free particle that is inside a solid to its thickness over the nearest point of its surface."""
     i = wp.tid()
     q = particle_q[i]
     w = particle_world[i]
+    gap = real(2.0) * particle_radius[i]
     end = shapes.world_start[w + 1]
     if particle_inv_mass[i] == real(0.0):
         end = shapes.world_start[w]

@@ -106,3 +106,17 @@ def test_memory_for_all_is_shared_without_blaming_a_sample(tmp_path, monkeypatch
 def test_no_more_processes_are_planned_than_samples(tmp_path):
     plan = make_plan(load_sweep(written(tmp_path)), BatchFolder(tmp_path / "batch"), workers=80, worlds=None)
     assert (plan.workers, plan.samples) == (6, 6)
+
+
+def test_a_worker_that_says_nothing_beyond_its_time_is_ended(tmp_path, monkeypatch):
+    """As one does that hangs in a single frame, where it cannot look at the clock itself."""
+    monkeypatch.setattr(Doomed, "memory", 0)
+    table = SWEEP.replace("count = 6", "count = 1") + "[limits]\nseconds = 5\n"
+    doomed = pool.LocalPool(load_sweep(written(tmp_path, table)), BatchFolder(tmp_path), None, workers=1)
+    doomed.workers = [silent, heard, idle] = [Doomed(doomed.folder, None, 1) for _ in range(3)]
+    silent.job, heard.job = [0], [1]
+    silent.heard -= 5.0 + pool.GRACE + 1.0
+    heard.heard -= 5.0
+    idle.heard -= 1e3
+    doomed._enforce_limits()
+    assert [worker.ended_for for worker in (silent, heard, idle)] == ["It took longer than 5 s.", None, None]

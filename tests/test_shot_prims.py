@@ -131,3 +131,18 @@ def test_one_weight_pins_all_points_whatever_it_is_said_to_be_of(tmp_path, mesh,
     stage.Save()
     (part,) = read_shot(tmp_path / "shot.usda").parts
     assert len(part.cloth.pinned) == len(part.cloth.points)
+
+
+def test_strain_is_that_from_the_rest_shape_where_a_mesh_has_one(tmp_path, stage):
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Shirt"))
+    attribute = mesh.GetPrim().CreateAttribute("physics:restShapePoints", Sdf.ValueTypeNames.Point3fArray)
+    points = mesh.GetPointsAttr().Get()
+    attribute.Set(points)
+    mesh.GetPointsAttr().Set([point * 1.15 for point in points])
+    stage.Save()
+    result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", device="cpu", frames=4)
+    assert check_cache(result.output).max_strain == pytest.approx(0.15, rel=0.01)  # in the first frame
+    attribute.Set(points[:3])
+    stage.Save()
+    (error,) = check_cache(result.output).usd_errors
+    assert "has 3 physics:restShapePoints for 25 points" in error

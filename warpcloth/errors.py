@@ -78,5 +78,9 @@ class FabricWarning(UserWarning):
     """The mesh cannot have all properties of the fabric; the message says which and what it has instead."""
 
 
+class MixedBatchWarning(UserWarning):
+    """Samples of a batch are of other states of its meshes and stages than the next ones; the message says of which."""
+
+
 class BadStartError(SimulationError):
     """The initial state is not one that can be simulated, e.g. cloth that starts inside an obstacle."""

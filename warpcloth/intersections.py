@@ -46,7 +46,9 @@ class Triangles:
             wp.launch(kernels.find_crossings, dim=surface.tri_count, inputs=inputs, outputs=[found], device=self.device)
             count = int(found.count.numpy()[0])
             if count <= room:
-                return found.where.numpy()[:count], found.way.numpy()[:count]
+                where, way = found.where.numpy()[:count], found.way.numpy()[:count]
+                order = np.lexsort(where.T)  # whoever came first to the list
+                return where[order], way[order]
             room = count
 
     def _place(self, state: State) -> None:

@@ -6,7 +6,8 @@ the direction of the contour from there into a triangle at that edge, the contou
 move apart along Σ r − 2 (e·r)/(e·n) n. Summed over the whole contour, that says which way the pieces have to go.
 
 Layers in nearly the same place would slide off each other that way, as far as they are wide; so they are parted along
-their normals first, see :mod:`warpcloth.layers`, and contours are left with what that cannot part.
+their normals first, see :mod:`warpcloth.layers`, and contours are left with what that cannot part. Where pieces go all
+the way through each other, contours say nothing either; whole pieces are moved then, see :mod:`warpcloth.pieces`.
 """
 
 from dataclasses import asdict, dataclass
@@ -17,18 +18,21 @@ import warp as wp
 
 from . import validate
 from .contact import ContactStage
-from .diagnostics import penetration_depths
 from .forces import Forces, Springs
 from .integrators import make_integrator
 from .intersections import Triangles
 from .layers import part_layers
 from .meshes.topology import connected
 from .model import Model
+from .pieces import push_pieces
 from .state import State
+from .tangle import Tangle
 
 STEPS, STRETCH = (1.0, 0.25), 100  # thicknesses moved per round, and for how many rounds each by turns: long, then fine
+PATIENCE = 200  # rounds without success, those of all steps among them, after which contours lead nowhere
 RELAX_TIME = 1.0 / 60.0  # [s] of springs at work after each round, from standstill
 SWEEPS = 10
+TRIALS = 5  # places for whole pieces that are looked at for each round
 LEAVING = 20  # rounds in which particles leave solids
 FAR = 1.0e6  # [m]
 
@@ -39,11 +43,14 @@ class Untangled:
 
     Attributes:
         before, after: intersecting pairs of triangles at the start and at the end.
+        inside_before, inside_after: free particles that are deep in solids.
         rounds: how many it took. moved_m: the furthest that a particle was moved [m].
     """
 
     before: int
     after: int
+    inside_before: int
+    inside_after: int
     rounds: int
     moved_m: float
 
@@ -57,58 +64,74 @@ def untangle(model: Model, state: State, *, rounds: int = 1000) -> Untangled:
 
     Particles leave solid obstacles by the shortest way, and layers that are nearly parallel are parted along their
     normals. For what is left, by turns the lines of intersection are shortened (Volino and Magnenat-Thalmann 2006) and
-    the springs, from standstill and without gravity, restore the shape. Pins stay.
+    the springs, from standstill and without gravity, restore the shape. Where that leads nowhere, whole pieces without
+    pins are moved out of what they cross. Pins stay, and so do worlds in which nothing is wrong. Each world ends as the
+    best that was seen of it: with the fewest pairs that intersect and particles that are deep in solids.
 
     Args:
         state: positions are changed, velocities are not.
-        rounds: when to give up.
+        rounds: of each of these, when to give up.
 
     Raises:
         InputError: ``rounds`` is no whole number above 0.
     """
     rounds = validate.integer(rounds, "rounds", minimum=1, maximum=10**6)
-    found, begun = Triangles(model), state.particle_q.numpy().copy()
-    free = (model.particle_inv_mass.numpy() > 0.0)[:, None]
-    thickness = 2.0 * float(model.particle_radius.numpy().min())
-    relax = _Relaxation(model, state)
-    before = int(found.count(state).sum())
-    left = _leave_solids(found, state, relax, min(rounds, LEAVING))
-    crossing = int(found.count(state).sum())
-    layered = done = left + (part_layers(found, state, thickness, rounds - left) if crossing else 0)
-    count = int(found.count(state).sum())
-    while count > 0 and done < rounds:
-        step = STEPS[(done - layered) // STRETCH % len(STEPS)] * thickness
-        moves = contour_moves(found, state)[: model.particle_count]
-        state.particle_q.assign(state.particle_q.numpy() + step * free * moves)
-        relax.run()
-        count, done = int(found.count(state).sum()), done + 1
-    moved = np.linalg.norm(state.particle_q.numpy() - begun, axis=1).max(initial=0.0)
-    return Untangled(before, count, done, float(moved))
+    tangle, begun = Tangle(model, state), state.particle_q.numpy().copy()
+    before, done = tangle.figures(), 0
+    if tangle.tangled.any():
+        relax = _Relaxation(model, state)
+        done = _leave_solids(tangle, relax, min(rounds, LEAVING)) + part_layers(tangle, rounds)
+        done += _shorten_contours(tangle, relax, rounds)
+        tangle.place(begun, tangle.tangled)
+        moved = push_pieces(tangle, TRIALS * rounds)  # as they began
+        moved += push_pieces(tangle, TRIALS * rounds)  # as they are best by now, where that has not been enough
+        done += moved + (_shorten_contours(tangle, relax, rounds) if moved else 0)
+    way = np.linalg.norm(state.particle_q.numpy() - begun, axis=1).max(initial=0.0)
+    after = tangle.figures()
+    return Untangled(before[0], after[0], before[1], after[1], done, float(way))
 
 
-def _leave_solids(found: Triangles, state: State, relax: "_Relaxation", rounds: int) -> int:
+def _leave_solids(tangle: Tangle, relax: "_Relaxation", rounds: int) -> int:
     """Moves particles that are inside solids out by the shortest way, and lets the springs draw the others after them.
 
     Returns:
-        how many rounds it took; 0, with nothing moved, where it leaves more intersections.
+        how many rounds it took.
     """
-    model, before, begun = found.model, int(found.count(state).sum()), state.particle_q.numpy().copy()
-    free, gap, done = model.particle_inv_mass.numpy() > 0.0, 2.0 * float(model.particle_radius.numpy().min()), 0
-    while done < rounds and penetration_depths(model, state)[free].max(initial=0.0) > 0.0:
-        inputs = [model.particle_world, model.particle_inv_mass, model.shapes.shapes, gap, FAR, state.particle_q]
+    model, state = tangle.model, tangle.state
+    begun, done = tangle.tangled, 0
+    while done < rounds and (inside := begun & tangle.worlds_with(tangle.depths() > 0.0)).any():
+        inputs = [model.particle_world, model.particle_inv_mass, model.particle_radius, model.shapes.shapes, FAR]
         wp.launch(
             model.kernels.leaving.leave_solids,
             dim=model.particle_count,
-            inputs=[*inputs, model.shapes.end],
+            inputs=[*inputs, state.particle_q, model.shapes.end],
             outputs=[relax.later.particle_q],
             device=model.device,
         )
-        wp.copy(state.particle_q, relax.later.particle_q)
-        relax.run()
+        tangle.place(relax.later.particle_q.numpy(), inside)
+        relax.run(tangle, inside)
+        tangle.look()
         done += 1
-    if int(found.count(state).sum()) > before:
-        state.particle_q.assign(begun)
-        return 0
+    tangle.back()
+    return done
+
+
+def _shorten_contours(tangle: Tangle, relax: "_Relaxation", rounds: int) -> int:
+    """Shortens the lines of intersection, until none is left or it leads nowhere; returns how many rounds it took."""
+    thickness = np.full(len(tangle.wrong), np.inf)  # of the thinnest cloth of each world
+    np.minimum.at(thickness, tangle.world, 2.0 * tangle.model.particle_radius.numpy())
+    size = (thickness[tangle.world] * tangle.free)[:, None]
+    going = tangle.tangled & (tangle.found.count(tangle.state).sum(axis=1) > 0)
+    idle, done = np.zeros(len(thickness), int), 0
+    while going.any() and done < rounds:
+        moves = contour_moves(tangle.found, tangle.state)[: len(size)]
+        tangle.place(tangle.positions + STEPS[done // STRETCH % len(STEPS)] * size * moves, going)
+        relax.run(tangle, going)
+        best, tangled = np.floor(tangle.wrong), tangle.look()
+        idle = np.where(np.floor(tangle.wrong) < best, 0, idle + 1)
+        going &= tangled & (idle < PATIENCE)
+        done += 1
+    tangle.back()
     return done
 
 
@@ -156,17 +179,18 @@ class _Relaxation:
     """Springs at work for a moment, velocities forgotten before and after."""
 
     def __init__(self, model: Model, state: State):
-        self.model, self.state = model, state
+        self.model = model
         still = wp.zeros(model.world_count, dtype=model.vec3, device=model.device)
         self.forces = Forces(model, [Springs(model)], still)
         self.integrator = make_integrator("xpbd", model, {"iterations": SWEEPS, "warm_start": 0.0})
         self.contact = ContactStage(model, "obstacles")
         self.now, self.later = state.twin(), state.twin()
 
-    def run(self) -> None:
-        wp.copy(self.now.particle_q, self.state.particle_q)
+    def run(self, tangle: Tangle, worlds: np.ndarray) -> None:
+        """Lets the springs of some worlds, a mask, act."""
+        wp.copy(self.now.particle_q, tangle.state.particle_q)
         self.now.particle_qd.zero_()
         self.contact.place(self.now, 0.0)  # obstacles do not move meanwhile
         self.integrator.step(self.model, self.now, self.later, self.forces, RELAX_TIME)
         self.contact.resolve(self.now, self.later, RELAX_TIME)
-        wp.copy(self.state.particle_q, self.later.particle_q)
+        tangle.place(self.later.particle_q.numpy(), worlds)

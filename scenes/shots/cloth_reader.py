@@ -16,7 +16,7 @@ from warpcloth.validate import sentence
 
 from ..usd.faces import changing_faces
 from ..usd.opening import world_matrix
-from ..usd.roles import SIM_API, has_schema
+from ..usd.roles import REST_SHAPE, SIM_API, has_schema
 from ..usd.samples import as_vectors
 from .materials import read_fabric
 from .notes import noted
@@ -93,11 +93,11 @@ def _check_topology(mesh: UsdGeom.Mesh) -> None:
 def _rest_points(mesh: UsdGeom.Mesh, whole: TriangleMesh) -> np.ndarray:
     """Rest shape in the mesh's own frame, shape [n, 3]."""
     prim = mesh.GetPrim()
-    attribute = prim.GetAttribute("physics:restShapePoints")
+    attribute = prim.GetAttribute(REST_SHAPE)
     rest = as_vectors(attribute.Get()) if attribute else np.zeros((0, 3))
     if not len(rest):
         return whole.points
-    label = f"cloth {prim.GetPath()}: physics:restShapePoints"
+    label = f"cloth {prim.GetPath()}: {REST_SHAPE}"
     if len(rest) != len(whole.points):
         rule = f"must be one for each of its {len(whole.points)} points"
         raise UsdError(f"{sentence(label)} {rule}, and there are {len(rest)}.")

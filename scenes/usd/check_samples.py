@@ -11,7 +11,7 @@ from .faces import face_fault, mesh_triangles
 from .moving import transform_codes
 from .opening import world_matrix
 from .report import ClothCheck
-from .roles import REST_LENGTHS, SPRINGS_ROLE, name_of, role_of
+from .roles import REST_LENGTHS, REST_SHAPE, SPRINGS_ROLE, name_of, role_of
 from .samples import as_vectors
 from .surface import summed_area_vectors, summed_areas
 from .velocity_fit import VelocityFit
@@ -50,7 +50,7 @@ class SampleCheck:
         self.triangles = self._checked_triangles(rest)
         # many writers leave the default of what they sample unset
         self._matrix = world_matrix(prim, self.codes[0] if self._moves and self.codes else REST)
-        self._edges, self._rest_lengths = self._strainable(apply(self._matrix, rest))
+        self._edges, self._rest_lengths = self._strainable(apply(self._matrix, self._unstrained(rest)))
         self._check_sampling()
         if self.shape.GetPointsAttr().Get() is not None and np.isfinite(rest).all():
             self._check_surface(rest, REST)
@@ -100,6 +100,15 @@ class SampleCheck:
             self.finite = False
             self._faults["has points that are not finite"].append(REST)
         return points
+
+    def _unstrained(self, rest: np.ndarray) -> np.ndarray:
+        """Where the points are without strain: the rest pose, or a shape of its own that the mesh has for that."""
+        attribute = self.prim.GetAttribute(REST_SHAPE)
+        own = attribute.Get() if attribute else None
+        if own is None or not len(own):
+            return rest
+        points = self._vectors(attribute, REST)
+        return rest if points is None else points
 
     def _should_have_normals(self) -> bool:
         """Faceted meshes should; whatever has ``primvars:normals`` instead, or subdivides, is left alone."""

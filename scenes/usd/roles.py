@@ -7,6 +7,7 @@ NETWORK_ROLE = "network"
 SPRINGS_ROLE = "springs"  # the curves that show a network
 OBSTACLE_ROLE = "obstacle"
 SIM_API = "PhysicsSurfaceDeformableSimAPI"  # what other tools call a mesh that is to be simulated as cloth
+REST_SHAPE = "physics:restShapePoints"  # attribute of cloth whose points are not where it is unstrained
 REST_LENGTHS = "warpcloth:restLengths"  # attribute of such curves, one for each [m]
 _ROLE = "warpcloth:role"
 _NAME = "warpcloth:name"

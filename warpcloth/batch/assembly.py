@@ -26,6 +26,7 @@ def write_assembly(folder: BatchFolder) -> Path | None:
     """
     files = {index: file for index in folder.finished() if (file := drape_file(folder, index)) is not None}
     if not files:
+        (folder.path / ASSEMBLY).unlink(missing_ok=True)  # it would show what is there no more
         return None
     partial = folder.path / f".partial.{ASSEMBLY}"
     layer = Sdf.Layer.CreateAnonymous(".usda")

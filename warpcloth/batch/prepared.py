@@ -16,6 +16,7 @@ from ..scenes import Scene
 from ..scenes.built import BuiltScene, make_model
 from ..simulation import MAX_SUBSTEPS
 from ..surface import median_edge
+from .inputs import input_hashes
 from .sweep import Sample
 
 IRRELEVANT = {"title", "description", "frames", "obstacle"}  # to automatic substeps
@@ -28,10 +29,12 @@ class Prepared:
     Attributes:
         sample: the sample.
         built: its scene, as the simulator takes it; ``substeps`` is a number.
+        inputs: hashes of the files that it was read from, see :func:`.inputs.input_hashes`.
     """
 
     sample: Sample
     built: BuiltScene
+    inputs: dict[str, str]
 
     @property
     def scene(self) -> Scene:
@@ -72,10 +75,11 @@ def prepare(sample: Sample) -> Prepared:
         InputError: a mesh that cannot be read, …
         SimulationError: it would need too many substeps.
     """
+    inputs = input_hashes(sample.scene)
     built = BuiltScene.of(sample.scene)
     options = sample.scene.simulation
     if options.substeps != "auto":
-        return Prepared(sample, built)
+        return Prepared(sample, built, inputs)
     if built.network is None:
         facts = sample.scene.model_dump(mode="json", exclude=IRRELEVANT)
         if all(table.jitter == 0.0 for table in sample.scene.cloth):
@@ -86,7 +90,7 @@ def prepare(sample: Sample) -> Prepared:
     detections = math.ceil(contact_intervals(built) * max(1.0, INTEGRATORS[options.integrator].steps_per_travel))
     fewest = min(MAX_SUBSTEPS, max(rounded_up(substeps), detections))
     scene = sample.scene.changed({"simulation.substeps": fewest})
-    return Prepared(sample, BuiltScene(scene, built.cloths, built.obstacles, built.network))
+    return Prepared(sample, BuiltScene(scene, built.cloths, built.obstacles, built.network), inputs)
 
 
 def contact_intervals(built: BuiltScene) -> int:

@@ -80,7 +80,8 @@ class Recorder:
             cache = self.folder / (POSE if "pose" in outputs else CACHE)
             pictures.render(cache, self.folder / PREVIEW, frame=-1, size=PREVIEW_SIZE)
         write_scene(self.folder, self.prepared.scene.changed({"frames": number}))
-        write_metrics(self.folder, self.prepared.sample, {"status": "done", "metrics": dict(metrics)})
+        done = {"status": "done", "metrics": dict(metrics), "inputs": self.prepared.inputs}
+        write_metrics(self.folder, self.prepared.sample, done)
 
     def abandon(self) -> None:
         """Leaves the folder as it is; it will not be moved into place."""

@@ -2,19 +2,21 @@
 
 import contextlib
 import time
+import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import MissingExtraError, WarpclothError
+from ..errors import MissingExtraError, MixedBatchWarning, WarpclothError
 from ..render.paint import pyvista
 from ..scenes.interrupt import stop_on_interrupt
 from .assembly import write_assembly
 from .cluster import Cluster, ClusterPool
 from .extra import needed
 from .folder import BatchFolder
+from .inputs import hash_of
 from .job import Outcome
 from .manifest import PARQUET, write_manifest
 from .plan import Plan, make_plan
@@ -36,6 +38,7 @@ class Status:
         samples_per_minute: in the run that is at work, or was last; None before its first sample.
         seconds_left: at that rate; None if it is not known.
         reasons: why samples failed, and how many each.
+        changed: meshes and stages that are not any more what samples were made from, and of how many samples each.
     """
 
     folder: Path
@@ -46,6 +49,7 @@ class Status:
     samples_per_minute: float | None
     seconds_left: float | None
     reasons: dict[str, int]
+    changed: dict[str, int]
 
     def as_dict(self) -> dict[str, Any]:
         """The attributes by name."""
@@ -93,6 +97,14 @@ def run_batch(
                 folder.forget_failed()
             plan = make_plan(sweep, folder, workers, worlds)
             folder.check_space(plan.bytes)
+            changed = {file for index in folder.finished() for file in _changed(folder.metrics(index))}
+            if changed and plan.left:
+                warnings.warn(
+                    f"{_names(changed)} changed since samples in {folder.path} were made, and those that are left are "
+                    "made of the new state; remove the folders of the others to have them made again, too.",
+                    MixedBatchWarning,
+                    stacklevel=2,
+                )
             if plan.left:
                 folder.begun.touch()
                 folder.stale.touch()
@@ -144,7 +156,11 @@ def status_of(folder: BatchFolder, running: bool | None = None) -> Status:
     """
     count = folder.sweep.count
     finished = folder.finished()
-    reasons = Counter(str(facts.get("reason")) for i in finished if (facts := folder.metrics(i))["status"] == "failed")
+    reasons: Counter[str] = Counter()
+    changed: Counter[str] = Counter()
+    for facts in map(folder.metrics, finished):
+        reasons.update([str(facts.get("reason"))] if facts["status"] == "failed" else [])
+        changed.update(_changed(facts))
     running = folder.busy if running is None else running
     rate = _rate(folder, finished, running)
     left = count - len(finished)
@@ -157,7 +173,19 @@ def status_of(folder: BatchFolder, running: bool | None = None) -> Status:
         samples_per_minute=None if rate is None else 60.0 * rate,
         seconds_left=0.0 if left == 0 else None if rate is None else left / rate,
         reasons=dict(reasons.most_common()),
+        changed=dict(changed.most_common()),
     )
+
+
+def _changed(facts: Mapping[str, Any]) -> list[str]:
+    """Files that are not any more what a sample was made from."""
+    return [file for file, digest in facts.get("inputs", {}).items() if hash_of(file) not in ("", digest)]
+
+
+def _names(changed: Collection[str]) -> str:
+    """The beginning of a sentence about files."""
+    more = f" and {len(changed) - 1} more files have" if len(changed) > 1 else " has"
+    return f"{min(changed)}{more}"
 
 
 def _outcomes(sweep: Sweep, folder: BatchFolder, plan: Plan, cluster: Cluster | None) -> Iterator[Outcome | None]:

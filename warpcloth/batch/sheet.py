@@ -30,6 +30,7 @@ def write_sheet(folder: BatchFolder) -> Path | None:
     """
     drapes = [(index, file) for index in folder.finished() if (file := drape_file(folder, index)) is not None]
     if not drapes:
+        (folder.path / SHEET).unlink(missing_ok=True)  # it would show what is there no more
         return None
     chosen = np.unique(np.linspace(0, len(drapes) - 1, min(MOST, len(drapes))).round().astype(int))
     needed("PIL.Image", "render")

@@ -171,10 +171,13 @@ def _summary(status: "Status") -> str:
         lines.append(f"{status.samples_per_minute:.1f} samples a minute")
     if status.seconds_left:
         lines.append(f"{duration(status.seconds_left)} left at that rate")
-    reasons = list(status.reasons.items())
+    reasons, changed = list(status.reasons.items()), list(status.changed.items())
     lines += [f"{count} ×: {reason}" for reason, count in reasons[:SHOWN_REASONS]]
     if len(reasons) > SHOWN_REASONS:
         lines.append(f"and {len(reasons) - SHOWN_REASONS} more reasons: see manifest.csv")
+    lines += [
+        f"{file} has changed since {count} of the samples were made of it" for file, count in changed[:SHOWN_REASONS]
+    ]
     return "\n  ".join(lines)
 
 

@@ -146,8 +146,10 @@ def _summary(result: "SimulationResult") -> str:
     ]
     if result.untangled:
         done = result.untangled
+        left = " in part" if done["after"] or done["inside_after"] else ""
         lines.append(
-            f"start untangled: {done['before']} crossing pairs became {done['after']} in {done['rounds']} rounds, "
+            f"start untangled{left}: {done['before']} crossing pairs became {done['after']}, "
+            f"{done['inside_before']} particles deep in solids {done['inside_after']}, in {done['rounds']} rounds; "
             f"particles moved up to {1e3 * done['moved_m']:.3g} mm"
         )
     if result.profile_ms:

@@ -10,9 +10,9 @@ from typing import Any, TextIO
 
 from rich.console import Console
 
-from ..errors import ContactWarning, ConvergenceWarning, FabricWarning, MeshWarning, StabilityWarning
+from ..errors import ContactWarning, ConvergenceWarning, FabricWarning, MeshWarning, MixedBatchWarning, StabilityWarning
 
-OURS = (ContactWarning, ConvergenceWarning, FabricWarning, MeshWarning, StabilityWarning)
+OURS = (ContactWarning, ConvergenceWarning, FabricWarning, MeshWarning, MixedBatchWarning, StabilityWarning)
 
 
 def messages() -> Console:
