@@ -12,7 +12,7 @@ class SimulationTable(Table):
     """How the scene is simulated. The command line's flags of the same names come before it."""
 
     integrator: Annotated[str, OneOf("the name of an integrator", lambda: INTEGRATORS)] = field(
-        "symplectic_euler", "Time integrator; `warpcloth integrators` lists them."
+        "xpbd", "Time integrator; `warpcloth integrators` lists them."
     )
     integrator_options: Annotated[dict[str, Any], Options()] = field(
         {}, "Options of the integrator, e.g. `{ iterations = 10 }`; `warpcloth integrators` names them."
