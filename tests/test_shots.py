@@ -151,9 +151,7 @@ def test_held_points_follow_the_animation_that_the_mesh_comes_with(tmp_path):
     for frame in range(5):
         move.Set(Gf.Vec3d(0.01 * frame, 0.0, 0.0), frame)
     stage.Save()
-    result = simulated(
-        path, integrator="symplectic_euler"
-    )  # its pins have the velocity of this instant, as what they see
+    result = simulated(path, integrator="symplectic_euler")  # whose pins have the velocity of this instant
     shot = Usd.Stage.Open(str(result.output))
     velocities = UsdGeom.Mesh.Get(shot, "/World/Shirt").GetVelocitiesAttr()
     for frame in range(5):
