@@ -108,6 +108,18 @@ def test_penetration_follows_moving_obstacles(tmp_path, deforming):
     assert report.deepest_frame == 2.0
 
 
+def test_what_a_ball_is_to_cloth_depends_on_its_cells_at_rest_as_in_the_simulation(tmp_path):
+    """Only particles keep out of a ball that is larger than cells: flat ones cut into it, strained or not."""
+    sheet, ball = Cloth.grid(resolution=(5, 5)), Sphere((0.125, 0.125, -0.2), 0.26)
+    with CacheWriter(tmp_path / "shot.usdc", [sheet], [ball], FPS) as writer:
+        for frame in range(2):
+            points = sheet.points * (1.0 + 0.1 * frame, 1.0 + 0.1 * frame, 1.0)
+            writer.write(frame, {"cloth": points}, {"cloth": 0.0 * points})
+    report = check_cache(tmp_path / "shot.usdc", every=True)
+    assert report.max_penetration_m == 0.0
+    assert report.obstacle_intersections == 0
+
+
 def test_crossing_cloths_are_counted(tmp_path):
     flat = Cloth.grid(resolution=(2, 2), name="flat")
     upright = np.array([[0.0, 0.0, 1.0, 0.1], [1.0, 0.0, 0.0, 0.03], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])

@@ -110,23 +110,16 @@ def check_finite(model: Model, bad: np.ndarray, time: float, integrator: str, su
         )
 
 
-def check_torn(model: Model, state: State) -> None:
-    """Stops on worlds whose cloth has grown as none can; bare networks of springs, which may, have no triangles.
-
-    Raises:
-        DivergedError: see :func:`torn_cloth`.
-    """
-    torn = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
+def count_torn(model: Model, state: State, limit: float, torn: wp.array) -> None:
+    """Adds to ``torn``, int32, shape [world_count], edges of triangles over ``limit`` times as long as the longest of
+    theirs at rest. Launches only. Bare networks of springs, which may stretch so far, have no triangles."""
     launch(
         model.kernels.diagnostics.count_torn,
         dim=model.tri_count,
-        inputs=[model.tri_indices, model.particle_world, model.particle_q, TORN, state.particle_q],
+        inputs=[model.tri_indices, model.particle_world, model.particle_q, limit, state.particle_q],
         outputs=[torn],
         device=model.device,
     )
-    counts = torn.numpy()
-    if counts.any():
-        raise torn_cloth(counts, TORN)
 
 
 def torn_cloth(torn: np.ndarray, limit: float) -> DivergedError:

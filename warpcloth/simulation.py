@@ -117,8 +117,7 @@ class Simulation(OnDevice):
         hooked = [validate.instances(hook.memory(), Memory, f"memory of {type(hook).__name__}") for hook in self.hooks]
         self._memory = [item for own in (*self._memories(), *hooked) for item in own]
         self._backup = Backup(self.state, self._memory, self.integrator, self.contact, self._frames)
-        self._auto = isinstance(substeps, str)
-        self._auto_step = 0.0
+        self._auto, self._auto_step = isinstance(substeps, str), 0.0
         if self._auto:
             validate.choice(substeps, ("auto",), "substeps")
         self.substeps = 0 if self._auto else validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
@@ -310,6 +309,7 @@ class Simulation(OnDevice):
             with self.watch.stage("guard"):
                 self.contact.end(now, span)
         self._end(now)
+        self.lookout.count_torn(self.state)
 
     def _prepare(self) -> None:
         """Brings copies of what the model has up to date."""

@@ -13,7 +13,6 @@ from ...errors import InputError, UsdError
 from ...facets import faceted
 from ...intersections import count_intersections
 from ...obstacles import Obstacle
-from ...surface import edge_lengths
 from .check_samples import SampleCheck
 from .check_stage import metadata_errors, range_errors, validator_errors
 from .failures import as_usd_error, quietly
@@ -56,6 +55,8 @@ class _Check:
         self.errors = metadata_errors(stage, self.ours)
         self.checks = [SampleCheck(prim) for prim in prims]
         self.obstacles = self._read_obstacles()
+        longest = max(check.longest_edge for check in self.checks)
+        self.facets = faceted([(0, obstacle, -1) for obstacle in self.obstacles], {0: longest})
         self.probe = PenetrationProbe(self.obstacles)
         self.codes = sorted(set().union(*(check.codes for check in self.checks)))
         self.deepest = 0.0
@@ -104,15 +105,12 @@ class _Check:
         if crossings:
             starts = np.cumsum([0] + [len(state) for _, state in present])
             faces = [check.triangles + start for (check, _), start in zip(present, starts, strict=False)]
-            edges = [edge_lengths(state, check.triangles).max(initial=0.0) for check, state in present]
-            t = code / self.stage.GetTimeCodesPerSecond()
-            self._count_intersections(points, np.concatenate(faces), float(max(edges)), t)
+            self._count_intersections(points, np.concatenate(faces), code / self.stage.GetTimeCodesPerSecond())
 
-    def _count_intersections(self, points: np.ndarray, faces: np.ndarray, edge: float, t: float) -> None:
-        facets = faceted([(0, obstacle, -1) for obstacle in self.obstacles], {0: edge})
-        corners = [points, *(solid.at(t) for solid in facets)]
+    def _count_intersections(self, points: np.ndarray, faces: np.ndarray, t: float) -> None:
+        corners = [points, *(solid.at(t) for solid in self.facets)]
         starts = np.cumsum([len(part) for part in corners])
-        solids = [solid.triangles + start for solid, start in zip(facets, starts, strict=False)]
+        solids = [solid.triangles + start for solid, start in zip(self.facets, starts, strict=False)]
         cloth, solid = count_intersections(np.concatenate(corners), np.concatenate([faces, *solids]), len(faces))
         self.intersections = max(self.intersections, cloth)
         self.obstacle_intersections = max(self.obstacle_intersections, solid)

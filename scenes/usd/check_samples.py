@@ -56,6 +56,11 @@ class SampleCheck:
             self._check_surface(rest, REST)
 
     @property
+    def longest_edge(self) -> float:
+        """Of its triangles without strain [m]; 0 for networks, which have none."""
+        return float(self._rest_lengths.max(initial=0.0)) if len(self.triangles) else 0.0
+
+    @property
     def errors(self) -> list[str]:
         """What is wrong, a sentence each; complete after :meth:`result`."""
         return [f"{self.prim.GetPath()} {fault}{_when(codes)}." for fault, codes in self._faults.items()]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..diagnostics import torn_cloth
+from ..diagnostics import count_torn, torn_cloth
 from ..launching import copy, fill, launch, only_if, repeat_while
 from ..model import Model
 from ..obstacles import Obstacle
@@ -110,11 +110,7 @@ class ClothContact:
     def end(self, state: State, span: float) -> None:
         """Ends an interval of ``span`` [s] at ``state``: holds back what would have passed through cloth."""
         model = self.model
-        self._launch(
-            self.kernels.diagnostics.count_torn, model.tri_count,
-            [model.tri_indices, model.particle_world, model.particle_q, TORN, state.particle_q],
-            [self.torn],
-        )  # fmt: skip
+        count_torn(model, state, TORN, self.torn)
         copy(self.now, state.particle_q, count=model.particle_count)
         fill(self.rounds)
         fill(self.impacts, 1)
