@@ -21,7 +21,7 @@ from .shapes import MESH, Placement, Shapes, distance, to_local, to_real3, to_wo
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
-REST = wp.constant(0)  # the carrier of what stays where it is
+REST = wp.constant(0)  # the carrier of what stays where it is, or moves in ways of its own
 
 
 @wp.kernel
@@ -146,11 +146,14 @@ def rigid(
     fraction: wp.array(dtype=wp.float64),
     carrier: wp.array(dtype=wp.int32),
 ):
-    """Whether all four move as one: they then come nearer by the sagitta of a turn at most, and never meet."""
+    """Whether all four move as one: they then come nearer by the sagitta of a turn at most, and never meet.
+
+    ``REST`` says nothing: points of deforming meshes and pins that are led from outside have it, too, and do not rest.
+    """
     for m in range(4):
         s = carrier[i[m]]
         moves = particle_inv_mass[i[m]] > real(0.0) and fraction[i[m]] > wp.float64(0.0)
-        if moves or s < 0 or s != carrier[i[0]]:
+        if moves or s <= REST or s != carrier[i[0]]:
             return False
     return True
 

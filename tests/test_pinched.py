@@ -1,0 +1,28 @@
+"""Cloth between obstacles that close on it: where nothing can keep it out of both, that is reported."""
+
+import numpy as np
+import trimesh
+
+import warpcloth as wc
+
+BALL = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+
+
+def simulated(obstacles: list[wc.Sphere | wc.Plane | wc.MeshObstacle], height: float = 0.0) -> wc.Simulation:
+    cloth = wc.Cloth.grid((0.4, 0.4), (17, 17), wc.Fabric(stretch_stiffness=2000.0), transform=(0.0, 0.0, height))
+    sim = wc.Simulation(wc.Model.build([cloth], obstacles), integrator="xpbd", contact="all")
+    sim.run(16)
+    return sim
+
+
+def growing(name: str, height: float) -> wc.MeshObstacle:
+    """A ball of 5 cm that grows to 30 cm in a quarter of a second."""
+    points = np.stack([radius * BALL.vertices + (0.0, 0.0, height) for radius in (0.05, 0.3)])
+    return wc.MeshObstacle(points[0], BALL.faces, sample_times=[0.0, 0.25], sample_points=points, name=name)
+
+
+def test_deforming_meshes_that_go_through_cloth_are_told_of():
+    """Their points are no obstacles at rest, to which cloth could be held."""
+    found = simulated([growing("below", -0.25), growing("above", 0.31)]).metrics()
+    assert found["obstacle_intersections"] > 0
+    assert found["contact_pinched"] > 0
