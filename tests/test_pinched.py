@@ -1,6 +1,7 @@
 """Cloth between obstacles that close on it: where nothing can keep it out of both, that is reported."""
 
 import numpy as np
+import pytest
 import trimesh
 
 import warpcloth as wc
@@ -15,6 +16,10 @@ def simulated(obstacles: list[wc.Sphere | wc.Plane | wc.MeshObstacle], height: f
     return sim
 
 
+def lowered(distance: float) -> wc.Motion:
+    return wc.Motion.keyframes([(0.0, (0.0, 0.0, 0.0)), (0.25, (0.0, 0.0, -distance))])
+
+
 def growing(name: str, height: float) -> wc.MeshObstacle:
     """A ball of 5 cm that grows to 30 cm in a quarter of a second."""
     points = np.stack([radius * BALL.vertices + (0.0, 0.0, height) for radius in (0.05, 0.3)])
@@ -26,3 +31,12 @@ def test_deforming_meshes_that_go_through_cloth_are_told_of():
     found = simulated([growing("below", -0.25), growing("above", 0.31)]).metrics()
     assert found["obstacle_intersections"] > 0
     assert found["contact_pinched"] > 0
+
+
+@pytest.mark.parametrize(("below", "pinched"), [(0.02, True), (-0.01, False)])
+def test_particles_left_in_a_solid_are_told_of(below, pinched):
+    """A ball comes down on a cloth on the ground, ``below`` [m] the ground or to a height above it."""
+    ball = wc.Sphere((0.0, 0.0, 0.25), 0.2, motion=lowered(0.05 + below))
+    found = simulated([wc.Plane(), ball], height=0.003).metrics()
+    assert (found["max_penetration_m"] > 1e-4) == pinched
+    assert (found["contact_pinched"] > 0) == pinched
