@@ -40,3 +40,17 @@ def test_particles_left_in_a_solid_are_told_of(below, pinched):
     found = simulated([wc.Plane(), ball], height=0.003).metrics()
     assert (found["max_penetration_m"] > 1e-4) == pinched
     assert (found["contact_pinched"] > 0) == pinched
+
+
+@pytest.mark.parametrize("depth", [-0.001, 0.05])
+def test_pins_led_to_a_box_or_into_it_throw_nothing_away(depth):
+    """An edge of the cloth goes down to 1 mm above a box, or into it; contact right beside pins is a lever."""
+    down = wc.Motion.keyframes([(0.0, (0.0, 0.0, 0.0)), (0.2, (0.0, 0.0, -0.1 - depth))])
+    cloth = wc.Cloth.grid((0.4, 0.4), (9, 9), pins=[wc.pin("left", down)], transform=(0.0, 0.0, 0.2))
+    box = wc.Box((-0.2, 0.0, 0.0), (0.2, 0.2, 0.2))
+    sim = wc.Simulation(wc.Model.build([cloth], [box]), integrator="xpbd", contact="all")
+    speeds = []
+    sim.run(14, on_frame=lambda sim, _: speeds.append(sim.metrics()["max_speed"]))
+    found = sim.metrics()
+    assert max(speeds) < 8.0
+    assert (found["obstacle_intersections"] > 0) == (depth > 0.0)

@@ -202,7 +202,7 @@ class ClothContact:
             kernels.contact_impact.bounce, self.width,
             [
                 surface.inv_mass, surface.friction, found.pairs, self.width, self.start, self.now, state.particle_qd,
-                self.model.particle_count, span, found.contacts, self.share, self.impacts,
+                self.model.particle_count, span, found.contacts, self.share, self.impacts, self.rounds,
             ],
             [self.move, self.kick],
         )  # fmt: skip
