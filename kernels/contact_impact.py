@@ -38,9 +38,11 @@ def find_impacts(
     share_out: wp.array(dtype=wp.int64),
     met_out: wp.array(dtype=wp.int32),
     impacts_out: wp.array(dtype=wp.int32),
+    counts_out: wp.array(dtype=wp.int32),
 ):
     """Pairs that meet: weights and normal there, and how far their ends must part [m] to end ``clearance`` of the
-    contact distance apart; and Σ |weight| per particle. Marks their particles, counts them.
+    contact distance apart; and Σ |weight| per particle. Marks their particles, counts them. Pairs of which neither side
+    is free to stop, such as pins that are led into an obstacle, are counted once, as pinched.
 
     Where many meet at once, as a fast obstacle does with little cloth, what one pair takes from another only fades from
     round to round; so over ``patience`` rounds the clearance grows to all of the contact distance.
@@ -68,6 +70,8 @@ def find_impacts(
         x3 += t * u3
         w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
         if effective_mobility(particle_inv_mass, i, w) <= zero:
+            if rounds[0] == 0:
+                count_up(counts_out, 1, 1)
             continue
         d = combine(w, x0, x1, x2, x3)
         n = wp.normalize(d)

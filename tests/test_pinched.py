@@ -54,3 +54,4 @@ def test_pins_led_to_a_box_or_into_it_throw_nothing_away(depth):
     found = sim.metrics()
     assert max(speeds) < 8.0
     assert (found["obstacle_intersections"] > 0) == (depth > 0.0)
+    assert (found["contact_pinched"] > 0) == (depth > 0.0)

@@ -193,7 +193,7 @@ class ClothContact:
                 surface.inv_mass, found.pairs, SEPARATION, CLEARANCE, PATIENCE, self.width, self.start, self.now,
                 self.rounds,
             ],
-            [found.contacts, self.share, self.met, self.impacts],
+            [found.contacts, self.share, self.met, self.impacts, self.counts],
         )  # fmt: skip
         self._launch(
             kernels.contact_impact.count_round, 1, [ROUNDS], [self.impacts, self.remaining, self.rounds, self.counts]
