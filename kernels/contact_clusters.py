@@ -15,8 +15,9 @@ from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
-# Sums are taken in fixed point, so that they do not depend on their order: up to 256 kg m by 3e-17.
-UNIT = wp.constant(wp.float64(2.0**55))
+# Sums are taken in fixed point, so that they do not depend on their order: up to 32 t m, as tents weigh tons, by
+# 4e-15 kg m.
+UNIT = wp.constant(wp.float64(2.0**48))
 
 
 @wp.struct

@@ -14,6 +14,7 @@ from .closest import time_of_impact
 from .contact_clusters import Clusters, common_way, unite
 from .contact_pairs import Pairs, narrow, wide
 from .counting import count_up
+from .direct import int_at, real_at, vector_at
 from .motion import Tracks, pose_at, rotation_matrix
 from .precision import FORWARD_ONLY, real, vec3
 from .shapes import MESH, Placement, Shapes, distance, to_local, to_real3, to_world
@@ -21,7 +22,8 @@ from .shapes import MESH, Placement, Shapes, distance, to_local, to_real3, to_wo
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
-REST = wp.constant(0)  # the carrier of what stays where it is
+REST = wp.constant(0)  # the carrier of what stays where it is, or moves in ways of its own
+DEEP = wp.constant(1.0e-4)  # [m] in an obstacle that is still none
 
 
 @wp.kernel
@@ -146,11 +148,14 @@ def rigid(
     fraction: wp.array(dtype=wp.float64),
     carrier: wp.array(dtype=wp.int32),
 ):
-    """Whether all four move as one: they then come nearer by the sagitta of a turn at most, and never meet."""
+    """Whether all four move as one: they then come nearer by the sagitta of a turn at most, and never meet.
+
+    ``REST`` says nothing: points of deforming meshes and pins that are led from outside have it, too, and do not rest.
+    """
     for m in range(4):
         s = carrier[i[m]]
         moves = particle_inv_mass[i[m]] > real(0.0) and fraction[i[m]] > wp.float64(0.0)
-        if moves or s < 0 or s != carrier[i[0]]:
+        if moves or s <= REST or s != carrier[i[0]]:
             return False
     return True
 
@@ -260,6 +265,34 @@ def limit_by_shapes(
                 elif carrier[i] < who:
                     wp.atomic_max(carrier_out, i, who)
                     count_up(held_back_out, 0, 1)
+
+
+@wp.kernel
+def count_pinched(
+    # Model
+    thread_offset: int,
+    particle_inv_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    shapes: Shapes,
+    # State in
+    particle_q: wp.array(dtype=vec3),
+    place: wp.array(dtype=Placement),
+    # Out
+    counts_out: wp.array(dtype=wp.int32),
+):
+    """Counts free particles that end an interval in a sphere, capsule, box or plane: something else keeps them there.
+
+    Whoever answers last to such a particle has it on its surface, and no pair tells of it.
+    """
+    i = thread_offset + wp.tid()
+    if real_at(particle_inv_mass, i) == real(0.0):
+        return
+    w = int_at(particle_world, i)
+    for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
+        if shapes.kind[s] != MESH:
+            here = distance(shapes.kind[s], shapes.size[s], to_local(place[s], vector_at(particle_q, i)))
+            if here[3] < -real(DEEP):
+                count_up(counts_out, 1, 1)
 
 
 @wp.kernel

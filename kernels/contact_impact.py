@@ -10,7 +10,7 @@ import warp as wp
 
 from .closest import combine, pair_weights, time_of_impact
 from .contact_pairs import Contacts, Pairs, put_contact, weights_of, wide
-from .contact_response import crowd, effective_mobility, relative_motion
+from .contact_response import effective_mobility, part_of, relative_motion
 from .counting import count_up
 from .fixed_sums import KICK_UNIT, MOVE_UNIT, add_fixed, add_share
 from .precision import FORWARD_ONLY, real, vec3
@@ -38,9 +38,11 @@ def find_impacts(
     share_out: wp.array(dtype=wp.int64),
     met_out: wp.array(dtype=wp.int32),
     impacts_out: wp.array(dtype=wp.int32),
+    counts_out: wp.array(dtype=wp.int32),
 ):
     """Pairs that meet: weights and normal there, and how far their ends must part [m] to end ``clearance`` of the
-    contact distance apart; and Σ |weight| per particle. Marks their particles, counts them.
+    contact distance apart; and Σ |weight| per particle. Marks their particles, counts them. Pairs of which neither side
+    is free to stop, such as pins that are led into an obstacle, are counted once, as pinched.
 
     Where many meet at once, as a fast obstacle does with little cloth, what one pair takes from another only fades from
     round to round; so over ``patience`` rounds the clearance grows to all of the contact distance.
@@ -68,6 +70,8 @@ def find_impacts(
         x3 += t * u3
         w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
         if effective_mobility(particle_inv_mass, i, w) <= zero:
+            if rounds[0] == 0:
+                count_up(counts_out, 1, 1)
             continue
         d = combine(w, x0, x1, x2, x3)
         n = wp.normalize(d)
@@ -99,6 +103,7 @@ def bounce(
     contacts: Contacts,
     share: wp.array(dtype=wp.int64),
     impacts: wp.array(dtype=wp.int32),
+    rounds: wp.array(dtype=wp.int32),
     # Out
     move_out: wp.array2d(dtype=wp.int64),
     kick_out: wp.array2d(dtype=wp.int64),
@@ -106,7 +111,8 @@ def bounce(
     """Ends part by ``depth``, approach stops, friction takes up to μ times as much from what is tangential.
 
     All pairs act at once, each by its part; see :func:`contact_response.push_contacts`. Obstacles have no velocities of
-    their own: theirs is their way over the interval of ``span`` [s].
+    their own: theirs is their way over the interval of ``span`` [s]. Levers reach less far from round to round: where
+    they lead nowhere, a hundred rounds must not throw the cloth away.
     """
     for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         depth = wp.float64(contacts.depth[k])
@@ -120,7 +126,8 @@ def bounce(
         effective = effective_mobility(particle_inv_mass, i, w)
         if effective <= zero:
             continue
-        part = effective / crowd(particle_inv_mass, share, i, w)
+        reach = wp.float64(pairs.distance[k]) / wp.float64(1 + rounds[0])
+        part = part_of(particle_inv_mass, share, i, w, effective, depth, reach)
         moved = relative_motion(particle_from, particle_to, i, w)
         speed = wp.vec3d()
         for m in range(4):

@@ -35,3 +35,14 @@ def test_what_stretches_without_being_cloth_or_by_less_is_not_torn():
     sim.state.particle_q.assign(50 * sim.state.particle_q.numpy())
     sim.step(1e-6)
     assert sim.metrics()["max_strain"] > 40
+
+
+def test_an_obstacle_whose_loop_jumps_back_through_cloth_is_named():
+    """It would pass the cloth in a single step; no substeps help."""
+    way = [(0.0, 0.0, 0.0), (0.0, 0.6, 0.0), (0.0, 0.6, 0.6), (0.0, 0.0, 0.6)]
+    jumps = wc.Motion(np.linspace(0.0, 0.3, 4), way, np.zeros((4, 3)), loop=True)
+    fabric = wc.Fabric(stretch_stiffness=2000.0, thickness=0.001)
+    held = wc.Cloth.grid((0.4, 0.4), (17, 17), fabric, pins=[wc.pin("left"), wc.pin("right")])
+    model = wc.Model.build([held], [wc.Sphere((0.0, 0.0, -0.3), 0.08, motion=jumps)], device="cpu")
+    with pytest.raises(DivergedError, match="obstacles are too fast, as where a loop jumps back"):
+        wc.Simulation(model, "xpbd", contact="all").run(30)

@@ -127,7 +127,7 @@ def torn_cloth(torn: np.ndarray, limit: float) -> DivergedError:
     return DivergedError(
         f"The simulation diverged: {torn.sum()} triangle edges grew to {limit:g} times their "
         'length; use substeps="auto", more substeps, or an integrator that damps: xpbd or implicit_euler; where these '
-        "do not help, fabric is too weak for its load or pins are too fast.",
+        "do not help, fabric is too weak for its load, or pins or obstacles are too fast, as where a loop jumps back.",
         tuple(np.flatnonzero(torn).tolist()),
     )
 

@@ -44,7 +44,7 @@ class ClothContact:
     Attributes:
         pairs: those that are near, for the response; at the end of an interval those that may meet, for the guard.
         counts: how many particles the guard has held back, and how many pairs it could not keep apart as neither side
-            was free to stop; since the beginning.
+            was free to stop, or particles out of an obstacle; since the beginning.
     """
 
     def __init__(self, model: Model, support: wp.array):
@@ -120,6 +120,10 @@ class ClothContact:
         self.finder.measure_drift(self.start, self.now)
         repeat_while(self.impacts, lambda: self._part(state, span))
         only_if(self.remaining, lambda: self.hold.run(state, span, self.start, self.now, self.met, self.counts))
+        if model.shapes.count > 0:
+            solids = [model.particle_inv_mass, model.particle_world, model.shapes.shapes]
+            inputs = [*solids, state.particle_q, model.shapes.end]
+            self._launch(self.kernels.contact_guard.count_pinched, model.particle_count, inputs, [self.counts])
 
     def remember(self) -> None:
         """Keeps what :meth:`recall` restores."""
@@ -149,7 +153,7 @@ class ClothContact:
 
         ``contact_impacts``: pairs parted that would have met; ``contact_rounds``: most rounds this took at once;
         ``contact_held``: particles held back as parting had not been enough; ``contact_pinched``: pairs that meet as
-        neither side was free to stop.
+        neither side was free to stop, and particles that are left in an obstacle.
         """
         names = ("contact_held", "contact_pinched", "contact_impacts", "contact_rounds")
         return dict(zip(names, self.counts.numpy().tolist(), strict=True))
@@ -189,7 +193,7 @@ class ClothContact:
                 surface.inv_mass, found.pairs, SEPARATION, CLEARANCE, PATIENCE, self.width, self.start, self.now,
                 self.rounds,
             ],
-            [found.contacts, self.share, self.met, self.impacts],
+            [found.contacts, self.share, self.met, self.impacts, self.counts],
         )  # fmt: skip
         self._launch(
             kernels.contact_impact.count_round, 1, [ROUNDS], [self.impacts, self.remaining, self.rounds, self.counts]
@@ -198,7 +202,7 @@ class ClothContact:
             kernels.contact_impact.bounce, self.width,
             [
                 surface.inv_mass, surface.friction, found.pairs, self.width, self.start, self.now, state.particle_qd,
-                self.model.particle_count, span, found.contacts, self.share, self.impacts,
+                self.model.particle_count, span, found.contacts, self.share, self.impacts, self.rounds,
             ],
             [self.move, self.kick],
         )  # fmt: skip
