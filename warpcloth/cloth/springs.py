@@ -209,14 +209,14 @@ def _warn_of_anisotropy(
 def _across_edges(
     points: np.ndarray, triangles: np.ndarray, table: EdgeTable, edge_area: np.ndarray, fabric: Fabric
 ) -> SpringNetwork:
-    """One bend spring for each interior edge whose opposite vertices are apart and not joined already."""
+    """A bend spring for the vertices opposite to an interior edge, if they are apart and not joined already. Those of
+    two edges, as around vertices with four neighbours, are one spring."""
     pairs = np.sort(triangles.ravel()[table.side_pairs()], axis=1)  # corner i lies opposite to side i
-    area = edge_area[table.counts == 2]
+    keys, first, place = np.unique(_keys(pairs, len(points)), return_index=True, return_inverse=True)
+    area = np.bincount(place.ravel(), edge_area[table.counts == 2], len(keys))
+    pairs = pairs[first]
     lengths = np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
-    keys = _keys(pairs, len(points))
-    first = np.unique(keys, return_index=True)[1]
     keep = (lengths > 1e-3 * np.sqrt(area)) & ~np.isin(keys, _keys(table.edges, len(points)))
-    keep &= np.isin(np.arange(len(pairs)), first)
     stiffness = fabric.bend_stiffness * area[keep] / lengths[keep]
     return SpringNetwork.from_pairs(pairs[keep], points, stiffness, BEND, fabric.damping_time)
 
