@@ -192,6 +192,21 @@ def test_bend_springs_do_not_depend_on_numbers():
     assert even.stiffness[ends] == pytest.approx(7.0 * 0.25)  # as of a grid: times the width of a cell
 
 
+def test_bending_does_not_depend_on_the_order_of_triangles():
+    """Of cloth that is curved at rest: the slope at an edge is taken across both of its triangles."""
+    points = Cloth.disc(0.3, 3).points + np.random.default_rng(0).uniform(-0.02, 0.02, (37, 3)) * (1.0, 1.0, 0.0)
+    points[:, 2] = 2.0 * points[:, 0] ** 2 - points[:, 0] * points[:, 1]
+    triangles, matrices = Cloth.disc(0.3, 3).triangles, []
+    for order in (np.arange(54), np.random.default_rng(1).permutation(54)):
+        mesh = trimesh.Trimesh(points, triangles[order], process=False)
+        bending = Cloth.from_mesh(mesh, Fabric(bending_rigidity=1e-4)).bending
+        rows = np.zeros((len(bending), 37))
+        rows[bending.element, bending.particles] = bending.weights[:, 0]
+        matrices.append(rows.T @ (bending.stiffness[:, None] * rows))
+    assert np.abs(matrices[0]).max() > 1e-3
+    np.testing.assert_allclose(*matrices, atol=1e-9 * np.abs(matrices[0]).max())
+
+
 def test_stiffness_zero_means_no_springs():
     kinds = Cloth.grid((1, 1), (4, 4), Fabric(shear_stiffness=0.0, bend_stiffness=0.0)).springs.kinds
     assert set(kinds.tolist()) == {STRUCTURAL}
