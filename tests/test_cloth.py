@@ -174,6 +174,39 @@ def test_mesh_springs_of_a_tetrahedron_and_of_two_triangles():
     assert len(found) == 6
 
 
+def test_bend_springs_do_not_depend_on_numbers():
+    """Around vertices with four neighbours two edges ask for the same spring, which has what both ask for."""
+    flat = Cloth.grid((1.0, 1.0), (5, 5))
+    points = flat.points + np.random.default_rng(0).uniform(-0.05, 0.05, flat.points.shape) * (1.0, 1.0, 0.0)
+    order, fabric, matrices = np.random.default_rng(1).permutation(25), Fabric(bend_stiffness=7.0), []
+    for number in (np.arange(25), order):
+        placed = np.empty_like(points)
+        placed[number] = points
+        net = Cloth.from_mesh(trimesh.Trimesh(placed, number[flat.triangles], process=False), fabric).springs
+        matrix, bend = np.zeros((25, 25)), net.kinds == BEND
+        matrix[net.indices[bend, 0], net.indices[bend, 1]] = net.stiffness[bend]
+        matrices.append((matrix + matrix.T)[np.ix_(number, number)])
+    np.testing.assert_allclose(*matrices, atol=1e-12)
+    even = Cloth.from_mesh(trimesh.Trimesh(flat.points, flat.triangles, process=False), fabric).springs
+    ends = (even.indices == (11, 13)).all(axis=1)
+    assert even.stiffness[ends] == pytest.approx(7.0 * 0.25)  # as of a grid: times the width of a cell
+
+
+def test_bending_does_not_depend_on_the_order_of_triangles():
+    """Of cloth that is curved at rest: the slope at an edge is taken across both of its triangles."""
+    points = Cloth.disc(0.3, 3).points + np.random.default_rng(0).uniform(-0.02, 0.02, (37, 3)) * (1.0, 1.0, 0.0)
+    points[:, 2] = 2.0 * points[:, 0] ** 2 - points[:, 0] * points[:, 1]
+    triangles, matrices = Cloth.disc(0.3, 3).triangles, []
+    for order in (np.arange(54), np.random.default_rng(1).permutation(54)):
+        mesh = trimesh.Trimesh(points, triangles[order], process=False)
+        bending = Cloth.from_mesh(mesh, Fabric(bending_rigidity=1e-4)).bending
+        rows = np.zeros((len(bending), 37))
+        rows[bending.element, bending.particles] = bending.weights[:, 0]
+        matrices.append(rows.T @ (bending.stiffness[:, None] * rows))
+    assert np.abs(matrices[0]).max() > 1e-3
+    np.testing.assert_allclose(*matrices, atol=1e-9 * np.abs(matrices[0]).max())
+
+
 def test_stiffness_zero_means_no_springs():
     kinds = Cloth.grid((1, 1), (4, 4), Fabric(shear_stiffness=0.0, bend_stiffness=0.0)).springs.kinds
     assert set(kinds.tolist()) == {STRUCTURAL}

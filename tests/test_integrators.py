@@ -168,6 +168,25 @@ def test_adaptive_steps_stay_stable_where_the_interval_is_not(name):
 
 
 @pytest.mark.parametrize("name", ADAPTIVE)
+def test_hysteresis_moves_on_with_adaptive_steps(name):
+    """A strip that swings to and fro a few times in a call, in which friction turns with it."""
+    fabric = wc.Fabric(
+        areal_density=0.12, stretch_stiffness=20.0, shear_stiffness=4.0, bending_rigidity=1e-4,
+        bending_hysteresis=4e-3, bend_stiffness=0.0, damping_time=0.0,
+    )  # fmt: skip
+    cloth = wc.Cloth.grid((0.06, 0.01), (7, 2), fabric, pins=[0, 1, 7, 8])
+    model = wc.Model.build(cloth, precision="float64")
+    bow = np.maximum(model.particle_q.numpy()[:, 0] + 0.02, 0.0) / 0.05
+    tips = []
+    for scheme, substeps in ((name, 1), ("rk4", 2000)):
+        sim = wc.Simulation(model, scheme, (0, 0, 0), substeps, contact="none")
+        sim.state.particle_qd.assign(np.outer(bow * bow, (0.0, 0.0, 2.0)))
+        sim.step(0.15)
+        tips.append(phase(sim)[:, 6, 2])
+    np.testing.assert_allclose(*tips, atol=0.01 * np.abs(tips[1]).max())
+
+
+@pytest.mark.parametrize("name", ADAPTIVE)
 def test_a_tolerance_that_cannot_be_met_says_what_to_change(name):
     sim = simulation(oscillator(1e3, 0.0, 0.3), name, integrator_options={"max_steps": 5})
     with pytest.raises(StepSizeError, match=r"after 5 steps in 1 s .* raise rtol"):

@@ -84,6 +84,38 @@ def test_hanging_strip_is_biphasic_at_any_resolution(integrator, substeps, cells
     np.testing.assert_allclose(strain, expected, rtol=0.02)
 
 
+KNIT = replace(LIMITED, stretch_stiffness_weft=70.0, shear_stiffness=35.0)
+
+
+def limit_energy(cloth: wc.Cloth, factors: tuple[float, float, float]) -> float:
+    """What the limit adds per area [N/m] as cloth is stretched evenly, over ½ times the square of its excess strain."""
+    model = wc.Model.build(cloth, precision="float64")
+    state = State.of(model)
+    state.particle_q.assign(model.particle_q.numpy() * factors)
+    excess = max(factors) - 1.0 - LIMITED.strain_limit
+    return StrainLimit(model).energy(state)["spring"] / cloth.area / (0.5 * excess * excess)
+
+
+@pytest.mark.parametrize("resolution", [(5, 5), (6, 5), (9, 8)])
+def test_what_a_limit_adds_does_not_depend_on_the_shape_of_cells(resolution):
+    """Cells of 1 : 1, 4 : 5 and 7 : 8, of a knit, whose structural springs carry half of its stretch stiffness."""
+    along, across = (
+        [limit_energy(wc.Cloth.grid((1.0, 1.0), n, KNIT), factors) for n in ((5, 5), resolution)]
+        for factors in ((1.1, 1.0, 1.0), (1.0, 1.1, 1.0))
+    )
+    assert along == pytest.approx([KNIT.limit_stiffness] * 2)
+    assert across[0] == pytest.approx(across[1])
+
+
+@pytest.mark.filterwarnings("ignore::warpcloth.errors.FabricWarning")
+@pytest.mark.parametrize("springs", ["stretch", "shear", "fitted"])
+def test_meshes_have_all_of_the_limit_whatever_their_springs_have_of_the_fabric(springs):
+    """Stretched alike in all directions each edge counts three times: as often as its triangles have directions."""
+    fabric = replace(KNIT, stretch_stiffness_weft=None, shear_stiffness=15.0)
+    cloth = wc.Cloth.disc(0.2, 3, fabric, springs=springs)
+    assert limit_energy(cloth, (1.1, 1.1, 1.0)) == pytest.approx(3.0 * fabric.limit_stiffness)
+
+
 @pytest.mark.parametrize("pins", [None, "left"])
 def test_a_yarn_by_itself_is_limited_as_implicit_euler_has_it(pins):
     """Schemes that solve for springs alone take the limit afterwards, one spring after the other."""

@@ -105,6 +105,11 @@ class Fabric:
         return self.stretch_stiffness, self.stretch_stiffness if weft is None else weft
 
     @property
+    def beyond_limit(self) -> float:
+        """What is added to the stretch stiffness along the warp beyond the strain limit [N/m]; 0 without a limit."""
+        return 0.0 if self.strain_limit is None else self.limit_stiffness
+
+    @property
     def bending(self) -> tuple[float, float]:
         """Bending rigidities along warp and weft [N m]."""
         weft = self.bending_rigidity_weft

@@ -32,10 +32,9 @@ def present_rates(
 ) -> tuple[float, float]:
     """ω² [1/s²] of the gas that answers fastest, and γ [1/s] of the fastest motion that the mean wind of each world
     damps, at positions [m] and velocities [m/s], both of shape [particle_count, 3]."""
-    a, b, c = (positions[model.tri_indices.numpy()[:, k]] for k in range(3))
-    normals = 0.5 * np.cross(b - a, c - a)
-    breathing = 0.0
+    normals, breathing = _area_vectors(model, positions), 0.0
     if model.bag_count > 0:
+        a, b, c = (positions[model.tri_indices.numpy()[:, k]] for k in range(3))
         bag = model.tri_bag.numpy()
         sixths = np.einsum("ti,ti->t", a, np.cross(b, c)) / 6.0
         volume = np.bincount(bag[bag >= 0], sixths[bag >= 0], model.bag_count) * model.bags["side"]
@@ -43,21 +42,43 @@ def present_rates(
     return breathing, _slowing_rate(model, airs, normals, velocities) if airs else 0.0
 
 
+def breathing_modes(model: Model) -> list[tuple[float, np.ndarray]]:
+    """Of each gas ω² [1/s²], and how particles move as it breathes, times √m: M^(−1/2) ∇V, shape [particle_count, 3];
+    both at the start. The gas itself damps nothing."""
+    if not np.any(model.bags["gas"]):
+        return []
+    normals = _area_vectors(model, model.particle_q.numpy().astype(np.float64))
+    rates, (owner, gradient) = _breathing_rates(model, normals, model.bags["volume"]), _volume_gradients(model, normals)
+    mode = gradient * np.sqrt(model.particle_inv_mass.numpy().astype(np.float64))[:, None]
+    return [(float(rates[k]), mode * (owner == k)[:, None]) for k in np.flatnonzero(rates)]
+
+
 def _breathing_rates(model: Model, normals: np.ndarray, volume: np.ndarray) -> np.ndarray:
     """−∂p/∂V Σ |∇ᵢV|²/mᵢ of each gas, and 0 of a given pressure: exact, as the rise of p acts along ∇V only.
 
     ``normals`` are area vectors [m²] of triangles, ``volume`` [m³] that of each bag.
     """
-    bag, triangles, bags = model.tri_bag.numpy(), model.tri_indices.numpy(), model.bags
-    corners = triangles[bag >= 0].ravel()
-    gradient = np.zeros((model.particle_count, 3))
-    np.add.at(gradient, corners, np.repeat(normals[bag >= 0] / 3.0, 3, axis=0))
-    owner = np.zeros(model.particle_count, np.int64)
-    owner[corners] = np.repeat(bag[bag >= 0], 3)
+    bags, (owner, gradient) = model.bags, _volume_gradients(model, normals)
     inverse_mass = model.particle_inv_mass.numpy().astype(np.float64)
     per_mass = np.bincount(owner, np.sum(gradient**2, axis=1) * inverse_mass, model.bag_count)
     stiffness = bags["gas"] * (bags["ambient"] + bags["pressure"]) * bags["volume"] / volume**2
     return np.asarray(stiffness * per_mass)
+
+
+def _area_vectors(model: Model, positions: np.ndarray) -> np.ndarray:
+    """Of all triangles [m²]."""
+    a, b, c = (positions[model.tri_indices.numpy()[:, k]] for k in range(3))
+    return np.asarray(0.5 * np.cross(b - a, c - a))
+
+
+def _volume_gradients(model: Model, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bag of each particle, 0 also for those of none, int, and ∇V there [m²], 0 for those of none, one row each."""
+    bag = model.tri_bag.numpy()
+    corners = model.tri_indices.numpy()[bag >= 0].ravel()
+    gradient, owner = np.zeros((model.particle_count, 3)), np.zeros(model.particle_count, np.int64)
+    np.add.at(gradient, corners, np.repeat(normals[bag >= 0] / 3.0, 3, axis=0))
+    owner[corners] = np.repeat(bag[bag >= 0], 3)
+    return owner, gradient
 
 
 def _slowing_rate(model: Model, airs: Sequence[Air], normals: np.ndarray, velocities: np.ndarray) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 from . import validate
 from .cloth.bending import BendingElements
 from .cloth.inflation import enclosed_volume
-from .cloth.sheet import sheet_tensor
 from .cloth.woven import WovenTriangles
 from .errors import InputError
 from .motion import Motion
@@ -18,7 +17,7 @@ from .obstacles import Obstacle
 if TYPE_CHECKING:
     from .cloth import Cloth
 
-STRUCTURAL_KIND, SHEAR_KIND, BEND_KIND = 0, 1, 2
+BEND_KIND = 2
 
 
 @dataclass
@@ -151,27 +150,14 @@ def _piece(world: int, cloth: "Cloth", first: int) -> dict[str, np.ndarray]:
         "stiffness": net.stiffness,
         "damping": net.damping,
         "kinds": net.kinds,
-        **_limits(cloth),
+        "limits": np.full(len(net), cloth.fabric.strain_limit or 0.0),
+        "limit_stiffness": net.limit_stiffness,
         "triangles": cloth.triangles + first,
         "corner_share": cloth.corner_share,
         "air_drag": np.full(len(cloth.triangles), cloth.fabric.air_drag),
         "air_friction": np.full(len(cloth.triangles), cloth.fabric.air_friction),
         "bend_damping": cloth.fabric.damping_time * cloth.bending.stiffness,
     }
-
-
-def _limits(cloth: "Cloth") -> dict[str, np.ndarray]:
-    """Strain limit [-] of each spring and its k_L [N].
-
-    Structural springs carry C_xx − G of a sheet that has shear springs (square cells), all of Y where they are alone.
-    """
-    fabric, net = cloth.fabric, cloth.springs
-    carried = fabric.stretch_stiffness
-    if np.any(net.kinds == SHEAR_KIND):
-        carried = sheet_tensor(fabric.stretch, fabric.shear_stiffness)[0] - fabric.shear_stiffness
-    ratio = 0.0 if fabric.strain_limit is None else fabric.limit_stiffness / carried
-    stiffness = np.where(net.kinds == STRUCTURAL_KIND, ratio * net.stiffness, 0.0)
-    return {"limits": np.full(len(net), fabric.strain_limit or 0.0), "limit_stiffness": stiffness}
 
 
 def _bags(cloth: "Cloth") -> list[tuple[float, float, float, bool, float]]:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import SimulationError
-from .load_rates import load_rates, present_rates
+from .load_rates import breathing_modes, load_rates, present_rates
 
 if TYPE_CHECKING:
     from .air import Air
@@ -226,8 +226,26 @@ def largest_stable_step(model: "Model", integrator: "Integrator", airs: "Sequenc
     """
     step, loads = integrator.filtered_step(), load_rates(model, airs)
     if not math.isinf(_usable_step(model, integrator, rate_bounds, loads=loads)):
-        step = min(step, _usable_step(model, integrator, fastest_rates, loads=loads))
+        step = min(
+            step, _usable_step(model, integrator, fastest_rates, loads=loads), _breathing_step(model, integrator)
+        )
     return SAFETY * step
+
+
+def _breathing_step(model: "Model", integrator: "Integrator") -> float:
+    """Largest step [s] for how gases breathe: as fast as the fastest modes, but damped far less, as cloth that widens
+    evenly is hardly deformed. Schemes that ask of each mode whether it is damped enough must know both."""
+    modes = breathing_modes(model)
+    if not modes:
+        return math.inf
+    network, step = _Network(model, model.particle_q.numpy().astype(np.float64)), math.inf
+    for rate, mode in modes:
+        stiffness, damping = (
+            float(np.sum(mode * network.apply(strength, mode)) / np.sum(mode * mode))
+            for strength in (network.stiffness, network.damping)
+        )
+        step = min(step, integrator.usable_step(math.sqrt(rate + stiffness), damping))
+    return step
 
 
 def substeps_for(

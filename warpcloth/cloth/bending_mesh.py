@@ -141,9 +141,8 @@ def _slopes(mesh: _Mesh, fits: Quadrics) -> Entries:
     bend = weight[1] * bow[1] / height[1] - weight[0] * bow[0] / height[0]
     wrong = np.flatnonzero(np.abs(twist) + np.abs(bend) > NEGLIGIBLE * length)
     if wrong.size:
-        normal = np.einsum(
-            "ij,ijk->ik", mesh.normal.reshape(-1, 2)[first], np.stack([mesh.along, mesh.across], 1)[first // 3]
-        )
+        outward = np.einsum("mij,mjk->mik", mesh.normal, np.stack([mesh.along, mesh.across], 1)).reshape(-1, 3)
+        normal = 0.5 * (outward[first] - outward[second])  # of both, so that it does not matter which one is the first
         for end in (p, q):
             parts += _corrections(
                 fits, inner[wrong], end[wrong], twist[wrong], bend[wrong], normal[wrong], direction[wrong]

@@ -93,6 +93,7 @@ class GridShape:
         add k_d 2 dx dy/d³ to C_xyxy, and so on. Asking for Young's moduli Y_x and Y_y and shear modulus G gives
         k_d = G d³/(2 dx dy), k_x = dy (C_xx − G dx²/dy²), k_y = dx (C_yy − G dy²/dx²), the C of :func:`sheet_tensor`;
         for square cells k_x = a (C_xx − G) and k_d = √2 a G. Springs on the border own half a cell and have half of it.
+        What is added to k_x and k_y beyond a strain limit is for every shape of cells what it is for square ones.
 
         Warns:
             FabricWarning: cells are so long that k_x or k_y would vanish; G is lowered and Y kept.
@@ -104,20 +105,23 @@ class GridShape:
         c_x, c_y = sheet_tensor(fabric.stretch, shear)
         index, width_x, width_y = self.index, _owned(self.ny, dy)[:, None], _owned(self.nx, dx)[None, :]
         diagonal = np.hypot(dx, dy) ** 3 / (2.0 * dx * dy)
+        per_width = c_x - shear * (dx / dy) ** 2, c_y - shear * (dy / dx) ** 2
+        beyond = (fabric.beyond_limit * square / (c_x - shear) for square in (c_x - shear, c_y - shear))
+        share_x, share_y = (added / own for added, own in zip(beyond, per_width, strict=True))
         families = [
-            (index[:, :-1], index[:, 1:], (c_x - shear * (dx / dy) ** 2) * width_x, STRUCTURAL),
-            (index[:-1], index[1:], (c_y - shear * (dy / dx) ** 2) * width_y, STRUCTURAL),
-            (index[:-1, :-1], index[1:, 1:], shear * diagonal, SHEAR),
-            (index[:-1, 1:], index[1:, :-1], shear * diagonal, SHEAR),
-            (index[:, :-2], index[:, 2:], fabric.bend_stiffness * width_x, BEND),
-            (index[:-2], index[2:], fabric.bend_stiffness * width_y, BEND),
+            (index[:, :-1], index[:, 1:], per_width[0] * width_x, STRUCTURAL, share_x),
+            (index[:-1], index[1:], per_width[1] * width_y, STRUCTURAL, share_y),
+            (index[:-1, :-1], index[1:, 1:], shear * diagonal, SHEAR, 0.0),
+            (index[:-1, 1:], index[1:, :-1], shear * diagonal, SHEAR, 0.0),
+            (index[:, :-2], index[:, 2:], fabric.bend_stiffness * width_x, BEND, 0.0),
+            (index[:-2], index[2:], fabric.bend_stiffness * width_y, BEND, 0.0),
         ]
         parts = []
-        for start, end, stiffness, kind in families:
+        for start, end, stiffness, kind, share in families:
             k_s = np.broadcast_to(stiffness, start.shape).ravel()
             if k_s.size and k_s.max() > 0.0:
                 pairs = np.stack([start.ravel(), end.ravel()], axis=1)
-                parts.append(SpringNetwork.from_pairs(pairs, points, k_s, kind, fabric.damping_time))
+                parts.append(SpringNetwork.from_pairs(pairs, points, k_s, kind, fabric.damping_time, share))
         return SpringNetwork.joined(parts)
 
     def largest_shear(self, fabric: Fabric) -> float:

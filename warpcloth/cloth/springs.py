@@ -35,6 +35,7 @@ class SpringNetwork(ReadOnly):
         stiffness: k_s [N], shape [s], > 0.
         damping: k_d [N s], shape [s], >= 0.
         kinds: STRUCTURAL, SHEAR or BEND, shape [s], uint8.
+        limit_stiffness: what is added to k_s beyond the fabric's strain limit [N], shape [s], >= 0; zeros for None.
 
     Raises:
         InputError: on unequal lengths, values out of range, or a spring from a particle to itself.
@@ -45,22 +46,26 @@ class SpringNetwork(ReadOnly):
     stiffness: Array
     damping: Array
     kinds: Array
+    limit_stiffness: Array = None
 
     def __post_init__(self):
         indices = validate.array(self.indices, "springs: indices", (None, 2), np.int32)
         count = (len(indices),)
+        limit = np.zeros(count) if self.limit_stiffness is None else self.limit_stiffness
         values = {
             "indices": indices,
             "rest_lengths": validate.array(self.rest_lengths, "springs: rest_lengths", count),
             "stiffness": validate.array(self.stiffness, "springs: stiffness", count),
             "damping": validate.array(self.damping, "springs: damping", count),
             "kinds": validate.array(self.kinds, "springs: kinds", count, np.uint8),
+            "limit_stiffness": validate.array(limit, "springs: limit_stiffness", count),
         }
         _refuse(indices[:, 0] == indices[:, 1], "joins a particle to itself")
         _refuse(indices.min(axis=1, initial=0) < 0, "has a negative index")
         _refuse(values["rest_lengths"] <= 0.0, "has a rest length that is not greater than 0")
         _refuse(values["stiffness"] <= 0.0, "has a stiffness that is not greater than 0")
         _refuse(values["damping"] < 0.0, "has negative damping")
+        _refuse(values["limit_stiffness"] < 0.0, "has negative stiffness beyond its limit")
         _refuse(values["kinds"] > BEND, "has an unknown kind (structural 0, shear 1, bend 2)")
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -70,17 +75,24 @@ class SpringNetwork(ReadOnly):
 
     @staticmethod
     def from_pairs(
-        pairs: np.ndarray, points: np.ndarray, stiffness: np.ndarray, kind: int, damping_time: float
+        pairs: np.ndarray,
+        points: np.ndarray,
+        stiffness: np.ndarray,
+        kind: int,
+        damping_time: float,
+        limit_share: float = 0.0,
     ) -> "SpringNetwork":
-        """Springs at rest between ``points`` with k_s = ``stiffness`` [N] and k_d = ``damping_time`` k_s."""
+        """Springs at rest between ``points`` with k_s = ``stiffness`` [N], k_d = ``damping_time`` k_s and k_L =
+        ``limit_share`` k_s."""
         lengths = np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
         k_s = np.broadcast_to(np.asarray(stiffness, float), lengths.shape)
-        return SpringNetwork(pairs, lengths, k_s, damping_time * k_s, np.full(len(pairs), kind, np.uint8))
+        kinds = np.full(len(pairs), kind, np.uint8)
+        return SpringNetwork(pairs, lengths, k_s, damping_time * k_s, kinds, limit_share * k_s)
 
     @staticmethod
     def joined(parts: Sequence["SpringNetwork"]) -> "SpringNetwork":
         """All springs of several networks over the same particles; there may be none."""
-        fields = ("indices", "rest_lengths", "stiffness", "damping", "kinds")
+        fields = ("indices", "rest_lengths", "stiffness", "damping", "kinds", "limit_stiffness")
         if not parts:
             return SpringNetwork(np.zeros((0, 2), np.int32), [], [], [], [])
         return SpringNetwork(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
@@ -148,10 +160,23 @@ def _surface_springs(
         stiffness = young * edge_area / np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
         _warn_of_anisotropy(fabric, points, triangles, pairs, stiffness)
     count, parts = len(table.edges), []
-    for part, family in ((slice(count), STRUCTURAL), (slice(count, None), SHEAR)):
+    share = _limit_share(points, table, edge_area, stiffness[:count], fabric)
+    for part, family, beyond in ((slice(count), STRUCTURAL, share), (slice(count, None), SHEAR, 0.0)):
         if len(pairs[part]) and stiffness[part].max() > 0.0:
-            parts.append(SpringNetwork.from_pairs(pairs[part], points, stiffness[part], family, fabric.damping_time))
+            law = stiffness[part], family, fabric.damping_time, beyond
+            parts.append(SpringNetwork.from_pairs(pairs[part], points, *law))
     return parts
+
+
+def _limit_share(
+    points: np.ndarray, table: EdgeTable, edge_area: np.ndarray, stiffness: np.ndarray, fabric: Fabric
+) -> float:
+    """k_L/k_s with which springs along edges have the mean of what the fabric adds beyond its limit along warp and
+    weft, whatever share of its stretch stiffness is theirs."""
+    lengths = np.linalg.norm(points[table.edges[:, 1]] - points[table.edges[:, 0]], axis=1)
+    young = float(np.sum(stiffness * lengths) / np.sum(edge_area))
+    beyond = fabric.beyond_limit * float(np.mean(fabric.stretch)) / fabric.stretch_stiffness
+    return beyond / young if young > 0.0 else 0.0
 
 
 def _warn_of_other_moduli(fabric: Fabric, young: tuple[float, float], shear: float) -> None:
@@ -184,14 +209,14 @@ def _warn_of_anisotropy(
 def _across_edges(
     points: np.ndarray, triangles: np.ndarray, table: EdgeTable, edge_area: np.ndarray, fabric: Fabric
 ) -> SpringNetwork:
-    """One bend spring for each interior edge whose opposite vertices are apart and not joined already."""
+    """A bend spring for the vertices opposite to an interior edge, if they are apart and not joined already. Those of
+    two edges, as around vertices with four neighbours, are one spring."""
     pairs = np.sort(triangles.ravel()[table.side_pairs()], axis=1)  # corner i lies opposite to side i
-    area = edge_area[table.counts == 2]
+    keys, first, place = np.unique(_keys(pairs, len(points)), return_index=True, return_inverse=True)
+    area = np.bincount(place.ravel(), edge_area[table.counts == 2], len(keys))
+    pairs = pairs[first]
     lengths = np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
-    keys = _keys(pairs, len(points))
-    first = np.unique(keys, return_index=True)[1]
     keep = (lengths > 1e-3 * np.sqrt(area)) & ~np.isin(keys, _keys(table.edges, len(points)))
-    keep &= np.isin(np.arange(len(pairs)), first)
     stiffness = fabric.bend_stiffness * area[keep] / lengths[keep]
     return SpringNetwork.from_pairs(pairs[keep], points, stiffness, BEND, fabric.damping_time)
 

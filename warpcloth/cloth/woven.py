@@ -93,7 +93,7 @@ def woven_triangles(points: np.ndarray, triangles: np.ndarray, fabric: Fabric) -
     c_x, c_y = sheet_tensor(fabric.stretch, fabric.shear_stiffness)
     shear = fabric.shear_stiffness
     per_area = np.array([c_x - shear, c_y - shear, 2.0 * shear])
-    share = 0.0 if fabric.strain_limit is None else fabric.limit_stiffness / per_area[0]
+    share = fabric.beyond_limit / per_area[0]
     return WovenTriangles(
         corners=triangles,
         slopes=np.einsum("mad,mcd->mac", frame, gradients),

@@ -21,7 +21,8 @@ class AirDrag:
     """The air's force on every triangle (the law of ``kernels/air.py``).
 
     How the force changes as triangles turn is left out of K, and so is its damping by motions of a triangle in itself:
-    Newton's method needs a few more iterations in strong wind, and converges to the same.
+    Newton's method needs more iterations in wind, and where it converges, to the same. Cotton that flaps in 10 m/s
+    takes it 100 and more in steps of 1/60 s, 6 in steps of a quarter of that.
 
     Args:
         model: the model; its triangles carry the coefficients of their fabrics.

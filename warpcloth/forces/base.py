@@ -75,7 +75,8 @@ class Remembering(Protocol):
     """A force that depends on what was before: a :class:`ForceTerm` with a memory that moves on with steps."""
 
     def advance(self, state: State) -> None:
-        """The end of a step, at ``state``: once for each step, not for each evaluation. Launches kernels only.
+        """The end of a step, at ``state``: once for each step, not for each evaluation, and for each of those that an
+        adaptive scheme divides its step into. Launches kernels only.
 
         Clears ``state.forces_current`` if the force at ``state`` may be another one then.
         """

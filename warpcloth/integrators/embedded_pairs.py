@@ -29,7 +29,8 @@ class EmbeddedPair(RungeKutta):
         position: position_tolerance + rtol · (way gone in the step)
         velocity: velocity_tolerance + rtol · (speed)
 
-    The last stage is the first one of the next step. Sizes are chosen on the host, over all worlds together.
+    The last stage is the first one of the next step, but where forces remember: hysteresis moves on with each of these
+    steps. Sizes are chosen on the host, over all worlds together.
 
     Args:
         model: the model.
@@ -107,6 +108,8 @@ class EmbeddedPair(RungeKutta):
             time = dt if last else time + h
             self.size = max(h * factor, self.size) if last and factor >= 1.0 else h * factor
             now, trial, spare = trial, spare, trial
+            if time < dt:  # where the step asked for ends, whoever asked for it does so
+                forces.advance(now)
         state_out.copy_from(now)
         state_out.forces_current = now.forces_current
 

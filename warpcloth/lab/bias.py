@@ -110,6 +110,6 @@ def bias_strip(cells: int, fabric: Fabric) -> Cloth:
     number[used] = np.arange(len(used))
     net = grid.springs
     inside = (number[net.indices] >= 0).all(axis=1)
-    values = (net.rest_lengths, net.stiffness, net.damping, net.kinds)
+    values = (net.rest_lengths, net.stiffness, net.damping, net.kinds, net.limit_stiffness)
     springs = SpringNetwork(number[net.indices[inside]], *(value[inside] for value in values))
     return Cloth("specimen", turned[used], number[triangles], springs, grid.masses[used], fabric)
