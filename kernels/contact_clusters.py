@@ -1,4 +1,4 @@
-"""Clusters: cloth particles that have met while the guard holds them back, and then go on together.
+"""Clusters: cloth particles that have met and then go on together, in a knot or while the guard holds them back.
 
 Particles that are stopped each where it was tear at the cloth around them, which moves on, and a knot never comes
 undone. So those that meet become one cluster, which goes by its mean motion: momentum is conserved, and nothing in it
@@ -34,10 +34,12 @@ class Clusters:
 def part_clusters(
     # Out
     parent_out: wp.array(dtype=wp.int32),
+    root_out: wp.array(dtype=wp.int32),
 ):
     """Each particle is a cluster of its own."""
     i = wp.tid()
     parent_out[i] = i
+    root_out[i] = i
 
 
 @wp.kernel

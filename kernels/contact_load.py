@@ -59,10 +59,13 @@ class FurtherPasses:
 def begin_pass(
     # Out
     further_out: FurtherPasses,
+    crossed_out: wp.array(dtype=wp.int32),
 ):
-    """Before a further pass, with one thread for each world."""
+    """Before a further pass, with one thread for each world; what its last pass noted of ``crossed`` pairs is over."""
     w = wp.tid()
     further_out.world_now[w] = further_out.world_next[w]
+    if further_out.world_next[w] == 1:
+        crossed_out[w] = 0
     further_out.world_next[w] = 0
     if w == 0:
         further_out.number[0] += 1

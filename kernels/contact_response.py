@@ -5,6 +5,7 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights
+from .contact_knots import Crossed, note_crossed, through
 from .contact_load import PADDING, FurtherPasses, Load, add_lack, earn_pass, load_between, takes_part
 from .contact_pairs import Contacts, Pairs, narrow, put_contact, weights_of, wide
 from .fixed_sums import KICK_UNIT, MOVE_UNIT, SHARE_UNIT, add_fixed, add_share, from_fixed
@@ -74,10 +75,12 @@ def find_contacts(
     contacts_out: Contacts,
     share_out: wp.array(dtype=wp.int64),
     further_out: FurtherPasses,
+    crossed_out: Crossed,
 ):
     """Which pairs are closer than they aim to be: weights, normal, depth [m]; and Σ |weight| per particle.
 
     They aim at their contact distance and some padding for what they carry, which may also earn them another pass.
+    Worlds with pairs that are through each other are noted.
     """
     for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
@@ -94,11 +97,10 @@ def find_contacts(
         length = wp.length(d)
         n = wide(pairs.side[k])
         distance = wp.float64(pairs.distance[k])
-        # Through each other are only features whose closest points lie inside both; past a border d may turn.
-        inside = w[0] != zero and w[1] != zero and w[2] != zero and w[3] != zero
         if length > wp.float64(1.0e-3) * distance:
-            if inside and wp.dot(d, n) < zero:
+            if through(w, d, n):
                 n = -d / length
+                note_crossed(crossed_out, load.world[i[0]])
             else:
                 n = d / length
         carried = load_between(load, i, w)

@@ -17,8 +17,10 @@ from ..model import Model
 from ..obstacles import Obstacle
 from ..state import Memory, State
 from ..surface import Surface, world_edges
+from .clusters import Clusters
 from .hold import Hold
 from .intervals import intervals_needed
+from .knots import Knots
 from .pair_finder import PairFinder
 from .pair_list import PairList
 
@@ -65,7 +67,9 @@ class ClothContact:
         self.finder = PairFinder(model, surface)
         self.width = self.finder.width
         self.met = wp.zeros(n, dtype=wp.int32, device=device)
-        self.hold = Hold(model, surface, self.finder, self.pairs, SEPARATION)
+        clusters = Clusters(model, surface)
+        self.knots = Knots(model, surface, self.pairs, clusters)
+        self.hold = Hold(model, surface, self.finder, self.pairs, clusters, SEPARATION)
 
     def intervals(self, dt: float) -> int:
         """Intervals in a frame of dt [s]: as many as the world with the fastest obstacles and finest cloth needs."""
@@ -99,8 +103,10 @@ class ClothContact:
         fill(self.further.number)
         fill(self.further.another)
         for number in range(PASSES):
+            self.knots.forget()
             self._pass(state_in, state_out, dt, first=number == 0)
         repeat_while(self.further.another, lambda: self._further_pass(state_in, state_out, dt))
+        self.knots.join(self.before, self.now, state_out)
 
     def memory(self) -> list[Memory]:
         """What is kept from step to step."""
@@ -226,7 +232,7 @@ class ClothContact:
         self._launch(
             kernels.find_contacts, self.width,
             [near.pairs, self.width, self.now, self.load],
-            [near.contacts, self.share, self.further],
+            [near.contacts, self.share, self.further, self.knots.crossed],
         )  # fmt: skip
         lack = self.lack if first else self._no_lack
         self._launch(
@@ -244,7 +250,8 @@ class ClothContact:
 
     def _further_pass(self, state_in: State, state_out: State, dt: float) -> None:
         """One more for worlds whose load has earned it; such passes go on while there are any."""
-        self._launch(self.kernels.contact_load.begin_pass, self.model.world_count, [], [self.further])
+        outputs = [self.further, self.knots.crossed.world]
+        self._launch(self.kernels.contact_load.begin_pass, self.model.world_count, [], outputs)
         self._pass(state_in, state_out, dt)
 
     def _commit(self, state: State, dt: float) -> None:

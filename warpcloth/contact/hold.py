@@ -7,6 +7,7 @@ from ..launching import copy, fill, launch, repeat_while
 from ..model import Model
 from ..state import State
 from ..surface import Surface
+from .clusters import Clusters
 from .pair_finder import PairFinder
 from .pair_list import PairList
 
@@ -17,21 +18,18 @@ class Hold:
     Args:
         model: the model.
         surface: all that takes part in contact. finder, pairs: find and keep what may meet.
-        separation: what is kept between any two [m].
+        clusters: in use within :meth:`run` only. separation: what is kept between any two [m].
     """
 
-    def __init__(self, model: Model, surface: Surface, finder: PairFinder, pairs: PairList, separation: float):
+    def __init__(
+        self, model: Model, surface: Surface, finder: PairFinder, pairs: PairList, clusters: Clusters, separation: float
+    ):
         self.model, self.surface, self.finder, self.pairs = model, surface, finder, pairs
-        self.separation = separation
+        self.clusters, self.separation = clusters, separation
         n, device = surface.particle_count, model.device
         self._end = surface.positions()
         self._fraction, self._next_fraction = (wp.ones(n, dtype=wp.float64, device=device) for _ in range(2))
         self._carrier, self._next_carrier, self._active = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(3))
-        self._parent, self._next_parent = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(2))
-        self._clusters = model.kernels.contact_clusters.Clusters()
-        self._clusters.root, self._clusters.size = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(2))
-        self._clusters.mass = wp.zeros(n, dtype=wp.int64, device=device)
-        self._clusters.way = wp.zeros((n, 3), dtype=wp.int64, device=device)
         self._open = wp.zeros(model.world_count, dtype=wp.int32, device=device)
         self._changed = wp.zeros(1, dtype=wp.int32, device=device)
         tracks, pins = np.unique(model.moving_pins.track.numpy(), return_index=True)
@@ -66,7 +64,7 @@ class Hold:
             [surface.world, self._own_carrier, self._open],
             [self._active, self._fraction, self._carrier],
         )  # fmt: skip
-        self._launch(model.kernels.contact_clusters.part_clusters, surface.particle_count, [], [self._next_parent])
+        self.clusters.part()
         copy(self._next_fraction, self._fraction)
         copy(self._next_carrier, self._carrier)
         self._place(state, self._place_to)
@@ -75,7 +73,7 @@ class Hold:
         self._launch(
             kernels.apply_limit, model.particle_count,
             [
-                start, self._end, self._fraction, self._carrier, self._clusters, self._place_from, self._place_to,
+                start, self._end, self._fraction, self._carrier, self.clusters.sums, self._place_from, self._place_to,
                 span,
             ],
             [state.particle_q, state.particle_qd, counts],
@@ -85,12 +83,12 @@ class Hold:
         """One round; it goes on while any particle had to be held back further, or was taken along."""
         model, surface, finder, kernels = self.model, self.surface, self.finder, self.model.kernels.contact_guard
         shapes = model.shapes
-        self._find_clusters(start, now)
+        self.clusters.find(start, now)
         self._launch(
             kernels.find_ends, surface.particle_count,
             [
-                surface.cloth_particles, start, now, self._fraction, self._carrier, self._clusters, self._place_from,
-                self._place_to,
+                surface.cloth_particles, start, now, self._fraction, self._carrier, self.clusters.sums,
+                self._place_from, self._place_to,
             ],
             [self._end],
         )  # fmt: skip
@@ -101,9 +99,9 @@ class Hold:
             kernels.limit_motion, finder.width,
             [
                 surface.inv_mass, self.pairs.pairs, self.separation, finder.width, start, self._end, self._fraction,
-                self._carrier, self._clusters,
+                self._carrier, self.clusters.sums,
             ],
-            [self._next_fraction, self._next_carrier, self._next_parent, self._changed, counts],
+            [self._next_fraction, self._next_carrier, self.clusters.next_parent, self._changed, counts],
         )  # fmt: skip
         self._launch(
             kernels.limit_by_shapes, model.particle_count,
@@ -115,16 +113,6 @@ class Hold:
         )  # fmt: skip
         copy(self._fraction, self._next_fraction)
         copy(self._carrier, self._next_carrier)
-
-    def _find_clusters(self, start: wp.array, now: wp.array) -> None:
-        copy(self._parent, self._next_parent)
-        for sums in (self._clusters.size, self._clusters.mass, self._clusters.way):
-            fill(sums)
-        self._launch(
-            self.model.kernels.contact_clusters.find_clusters, self.surface.particle_count,
-            [self.surface.inv_mass, start, now, self._parent],
-            [self._clusters],
-        )  # fmt: skip
 
     def _own_carriers(self, tracks: np.ndarray) -> np.ndarray:
         """What each particle of the surface is part of: what rests, an obstacle that moves, pins that move, or −1."""

@@ -1,0 +1,76 @@
+"""What a step leaves through each other goes on as one (``kernels/contact_knots.py``)."""
+
+import warp as wp
+
+from ..launching import copy, fill, launch, only_if, repeat_while
+from ..model import Model
+from ..state import State
+from ..surface import Surface
+from .clusters import Clusters
+from .pair_list import PairList, loop_width
+
+
+class Knots:
+    """Finds and joins what is through each other.
+
+    Args:
+        model: the model.
+        surface: all that takes part in contact. pairs: those that are near. clusters: in use within :meth:`join` only.
+
+    Attributes:
+        crossed: where the passes of the response note that pairs are through each other.
+    """
+
+    def __init__(self, model: Model, surface: Surface, pairs: PairList, clusters: Clusters):
+        self.model, self.surface, self._pairs, self._clusters = model, surface, pairs, clusters
+        self._kernels, device = model.kernels.contact_knots, model.device
+        self.crossed = self._kernels.Crossed()
+        self.crossed.world = wp.zeros(model.world_count, dtype=wp.int32, device=device)
+        self.crossed.any, self._united = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(2))
+        self._momentum = wp.zeros((surface.particle_count, 3), dtype=wp.int64, device=device)
+
+    def forget(self) -> None:
+        """Before a pass of all worlds."""
+        fill(self.crossed.world)
+        fill(self.crossed.any)
+
+    def join(self, start: wp.array, now: wp.array, state: State) -> None:
+        """Changes ``state``, the end of a step, if the last pass of any world has left pairs through each other.
+
+        Args:
+            start, now: positions of the surface when the step began, and at ``state`` [m]; ``now`` is overwritten.
+        """
+        only_if(self.crossed.any, lambda: self._join(start, now, state))
+
+    def _join(self, start: wp.array, now: wp.array, state: State) -> None:
+        self._clusters.part()
+        self._find(now, state)
+        repeat_while(self._united, lambda: self._round(start, now, state))
+
+    def _find(self, now: wp.array, state: State) -> None:
+        copy(now, state.particle_q, count=self.model.particle_count)
+        fill(self._united)
+        surface, width = self.surface, loop_width(self.model.device)
+        near = [surface.inv_mass, surface.world, self._pairs.pairs, width]
+        self._launch(
+            self._kernels.find_knots, width,
+            [*near, now, self.crossed, self._clusters.sums],
+            [self._clusters.next_parent, self._united],
+        )  # fmt: skip
+
+    def _round(self, start: wp.array, now: wp.array, state: State) -> None:
+        """Moves clusters as one; it goes on while they meet others."""
+        model, clusters = self.model, self._clusters
+        clusters.find(start, now)
+        fill(self._momentum)
+        masses = [model.particle_inv_mass, state.particle_qd, clusters.sums]
+        self._launch(self._kernels.sum_momentum, model.particle_count, masses, [self._momentum])
+        self._launch(
+            self._kernels.go_as_one, model.particle_count,
+            [start, clusters.sums, self._momentum],
+            [state.particle_q, state.particle_qd],
+        )  # fmt: skip
+        self._find(now, state)
+
+    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
+        launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
