@@ -24,10 +24,11 @@ EASY = wp.constant(wp.float64(1.0e-6))
 
 @wp.struct
 class Lanes:
-    """Lane l owns particles ``particle_start[l]`` to ``particle_start[l + 1]``, all of world ``world[l]``; world w owns
-    lanes ``lane_start[w]`` to ``lane_start[w + 1]``."""
+    """Lane l owns particles ``particle_start[l]`` to ``particle_end[l]``, all of world ``world[l]``; world w
+    owns lanes ``lane_start[w]`` to ``lane_start[w + 1]``."""
 
     particle_start: wp.array(dtype=wp.int32)
+    particle_end: wp.array(dtype=wp.int32)
     world: wp.array(dtype=wp.int32)
     lane_start: wp.array(dtype=wp.int32)
 
@@ -105,7 +106,7 @@ def begin(
     """
     lane = thread_offset + wp.tid()
     rz = wp.float64(0.0)
-    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+    for i in range(lanes.particle_start[lane], lanes.particle_end[lane]):
         r = -residual[i]
         p = preconditioner[i] * r
         if world_active[lanes.world[lane]] == 0:
@@ -159,7 +160,7 @@ def curvature(
     """p·A p of each lane."""
     lane = thread_offset + wp.tid()
     total = wp.float64(0.0)
-    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+    for i in range(lanes.particle_start[lane], lanes.particle_end[lane]):
         total += product(vector_at(p, i), vector_at(ap, i))
     partial_out[lane] = total
 
@@ -214,7 +215,7 @@ def advance(
         return
     alpha = real(solves.alpha[w])
     rz = wp.float64(0.0)
-    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+    for i in range(lanes.particle_start[lane], lanes.particle_end[lane]):
         if real_at(particle_inv_mass, i) > real(0.0):
             r = vector_at(r_out, i) - alpha * vector_at(ap, i)
             put(x_out, i, vector_at(x_out, i) + alpha * vector_at(p, i))

@@ -52,7 +52,7 @@ def reach(
     """The largest coordinate [m] of each lane, which tells how positions are rounded."""
     lane = thread_offset + wp.tid()
     most = real(0.0)
-    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+    for i in range(lanes.particle_start[lane], lanes.particle_end[lane]):
         x = particle_q[i]
         for axis in range(3):
             most = wp.max(most, wp.abs(x[axis]))
@@ -134,7 +134,7 @@ def residual(
     """R = M (v − v̄) − γ f, 0 for pinned particles, and R·direction of each lane."""
     lane = thread_offset + wp.tid()
     slope = wp.float64(0.0)
-    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+    for i in range(lanes.particle_start[lane], lanes.particle_end[lane]):
         r = vec3()
         if particle_inv_mass[i] > real(0.0):
             r = particle_mass[i] * (particle_qd[i] - velocity_base[i]) - gamma * particle_f[i]
@@ -159,7 +159,7 @@ def start_search(
     """Keeps the velocities from which the line search starts, and sums m |direction|²."""
     lane = thread_offset + wp.tid()
     total = wp.float64(0.0)
-    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+    for i in range(lanes.particle_start[lane], lanes.particle_end[lane]):
         start_out[i] = particle_qd[i]
         total += wp.float64(particle_mass[i] * wp.dot(direction[i], direction[i]))
     partial_out[lane] = total

@@ -63,7 +63,7 @@ def measure(
     lane = thread_offset + wp.tid()
     difference = wp.float64(0.0)
     energy = wp.float64(0.0)
-    for i in range(lanes.particle_start[lane], lanes.particle_start[lane + 1]):
+    for i in range(lanes.particle_start[lane], lanes.particle_end[lane]):
         if particle_inv_mass[i] > real(0.0):
             f = middle_f[i] - real(0.5) * (particle_f[i] + later_f[i])
             difference += wp.float64(wp.dot(f, later_q[i] - particle_q[i]))

@@ -175,6 +175,26 @@ def test_what_flies_along_with_massless_particles_is_not_pulled_at(name):
     assert np.abs(np.linalg.norm(end[ends[:, 1]] - end[ends[:, 0]], axis=1) / rest - 1.0).max() < 1e-4
 
 
+@pytest.mark.parametrize("name", ["xpbd", "implicit_midpoint"])
+def test_particles_of_no_world_may_come_before_those_of_worlds(name):
+    """As where something stands before the builder's first world begins; they share a world with those at the end."""
+    builder = newton.ModelBuilder()
+    our_grid(builder)
+    for _ in range(2):
+        builder.begin_world()
+        our_grid(builder)
+        builder.end_world()
+    our_grid(builder)
+    model = builder.finalize(device="cpu")
+    model.particle_grid = None
+    for world in range(2):
+        model.set_gravity((3.0 * world, 0.0, -5.0), world=world)
+    truth = roll_out(model, semi_implicit(model), 400, 2.5e-4).particle_q.numpy()
+    end = roll_out(model, SolverMassSpring(model, name, substeps=10), 10, 0.01).particle_q.numpy()
+    assert np.abs(end - truth).max() < 2e-3
+    assert np.abs(truth - model.particle_q.numpy()).max() > 0.02
+
+
 @pytest.mark.parametrize("name", ["velocity_verlet", "pefrl"])
 def test_damping_that_comes_later_is_as_if_it_had_been_there(name):
     """Schemes treat forces that depend on velocities in another way."""

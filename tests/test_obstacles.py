@@ -160,8 +160,9 @@ def test_triangles_without_area_of_a_file_are_left_out_with_a_warning(tmp_path):
     middle = len(points)
     cut = [[middle, a, b], [a, middle, c], [middle, b, c], *triangles[1:].tolist()]
     mesh = TriangleMesh([*points, 0.5 * (points[a] + points[b])], np.array(cut)[:, ::-1], name="cut")
-    with pytest.warns(MeshWarning, match=r"Mesh 'cut': 1 triangle has no area, first triangle 0"):
+    with pytest.warns(MeshWarning, match=r"Mesh 'cut': 1 triangle has no area, first triangle 0") as caught:
         obstacle = MeshObstacle.from_mesh(mesh)
+    assert caught[0].filename == __file__
     a, b, c = (obstacle.points[obstacle.triangles[:, i]] for i in range(3))
     assert len(obstacle.triangles) == 5
     assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0.0

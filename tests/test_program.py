@@ -211,6 +211,27 @@ def test_simulations_run_beside_each_other():
             np.testing.assert_array_equal(ours, theirs)
 
 
+def test_simulations_of_one_model_run_beside_each_other():
+    """At other times, so that its obstacle is elsewhere in each of them."""
+    cloth = wc.Cloth.grid((0.5, 0.5), (20, 20), pins=["top_left", "top_right"], transform=(0, 0, 0.5))
+    ball = wc.Sphere((0, 0, 0.35), 0.1, motion=wc.Motion.keyframes([(0, (0, 0, 0)), (0.5, (0, 0, 0.3))]))
+    ends = []
+    for beside in (False, True):
+        model = wc.Model.build([cloth], [ball], device="cpu")
+        pair = [wc.Simulation(model, "xpbd", substeps=20, threads=1) for _ in range(2)]
+        pair[1].run(10)
+        callers = [threading.Thread(target=one.run, args=(15,)) for one in pair]
+        for caller in callers:
+            caller.start()
+            if not beside:
+                caller.join()
+        for caller in callers:
+            caller.join(timeout=300)
+            assert not caller.is_alive()
+        ends.append([one.state.particle_q.numpy() for one in pair])
+    np.testing.assert_array_equal(*ends)
+
+
 def test_only_contiguous_arrays_are_copied():
     strided = wp.zeros((4, 4), dtype=wp.int32, device="cpu")[:, 1]
     with recording(ProgramWriter(KERNELS, 1)), pytest.raises(ValueError, match="contiguous"):

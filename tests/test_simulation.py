@@ -110,10 +110,11 @@ def model_free(sim: wc.Simulation) -> np.ndarray:
 def test_an_unstable_step_raises_and_says_what_to_change():
     sim = wc.Simulation(wc.Model.build(sheet(30, pins="left")), substeps=2)
     with (
-        pytest.warns(StabilityWarning, match="which takes [0-9]+ substeps"),
+        pytest.warns(StabilityWarning, match="which takes [0-9]+ substeps") as caught,
         pytest.raises(DivergedError, match='substeps="auto"'),
     ):
         sim.run(200)
+    assert caught[0].filename == __file__  # the line that called, not one of the package's
 
 
 def test_hopeless_automatic_substeps_are_refused():

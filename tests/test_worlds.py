@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
+from embedding_kernels import Lowest
 from integrator_problems import NAMES
 
 import warpcloth as wc
@@ -62,6 +63,30 @@ def test_worlds_go_on_in_another_model(name, kept):
     np.testing.assert_array_equal(phase(rest), phase(whole)[np.isin(world, kept)])
     assert rest.time == whole.time
     np.testing.assert_array_equal(rest.settled_worlds(), whole.settled_worlds()[kept])
+
+
+class Deepest(Lowest):
+    """How far below the ground particles have been, remembered as hooks should."""
+
+    def __init__(self, model: wc.Model):
+        super().__init__(model)
+        self.lowest.zero_()
+        self.rows = np.arange(model.particle_count)
+
+    def memory(self):
+        return [wc.Memory(self.lowest, self.rows)]
+
+
+def test_what_hooks_remember_goes_along():
+    pair = [wc.Model.build_worlds(own) for own in (WORLDS, WORLDS[1:2])]
+    whole, rest = (wc.Simulation(model, "xpbd", substeps=5, hooks=[Deepest(model)]) for model in pair)
+    whole.run(20)
+    rest.continue_from(whole, [1])
+    lowest = whole.hooks[0].lowest.numpy()[whole.model.particle_world.numpy() == 1]
+    assert lowest.min() < -0.1
+    np.testing.assert_array_equal(rest.hooks[0].lowest.numpy(), lowest)
+    with pytest.raises(InputError, match=r"^A simulation can go on only with hooks .* other one, Deepest, not none\.$"):
+        simulation(WORLDS[1:2]).continue_from(whole, [1])
 
 
 def test_automatic_substeps_stay_in_another_model():

@@ -33,10 +33,11 @@ class Backup:
         """Does ``frame``, again while contact lacks memory; if it raises, as a hook may, it has not been."""
         self._keep()
         try:
-            frame()
-            while self._contact.grow():
-                self._restore()
+            with self._contact.model.shapes.turn:
                 frame()
+                while self._contact.grow():
+                    self._restore()
+                    frame()
         except BaseException:
             self._restore()
             self._contact.recall()

@@ -1,7 +1,9 @@
 """Obstacles on the device: shapes sorted by world, their meshes, and where they are during a step."""
 
+import threading
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -55,6 +57,7 @@ class CollisionShapes:
         start, end: placements at both ends of the current step, shape [shape_count].
         meshes: one ``wp.Mesh`` per mesh obstacle, in the obstacle's own frame.
         deforming: those among them whose points are sampled.
+        turn: whoever places moving obstacles has it while they must stay there, as other threads may place them, too.
     """
 
     def __init__(
@@ -71,6 +74,8 @@ class CollisionShapes:
         self.shapes = self._make_shapes(world_count)
         self.start = wp.zeros(self.count, dtype=kernels.shapes.Placement, device=device)
         self.end = wp.zeros(self.count, dtype=kernels.shapes.Placement, device=device)
+        moves = any(row[1].moves for row in self.obstacles)
+        self.turn: AbstractContextManager[Any] = threading.RLock() if moves else nullcontext()
 
     def _make_shapes(self, world_count: int) -> Any:
         k, device = self.kernels, self.device

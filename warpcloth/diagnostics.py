@@ -137,10 +137,11 @@ def penetration_depths(model: Model, state: State, place: wp.array | None = None
     shapes = model.shapes
     if shapes.count == 0:
         return np.zeros(model.particle_count)
-    if place is None:
-        shapes.place(model.tracks, state.world_time, 0.0)
-        place = shapes.end
-    return _depths(model.kernels, model.particle_world, shapes, state.particle_q, place, model.device)
+    with shapes.turn:
+        if place is None:
+            shapes.place(model.tracks, state.world_time, 0.0)
+            place = shapes.end
+        return _depths(model.kernels, model.particle_world, shapes, state.particle_q, place, model.device)
 
 
 def _depths(

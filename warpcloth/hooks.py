@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from . import validate
 from .state import Memory, State
 
 
@@ -28,6 +29,15 @@ class Hook:
     def memory(self) -> Sequence[Memory]:
         """Arrays that the hook changes itself and reads in later steps; they begin as zeros.
 
-        With them frames can be done again, and worlds be reset, as if nothing had been.
+        With them frames can be done again, worlds be reset, as if nothing had been, and go on in another simulation.
         """
         return ()
+
+
+def memory_of(hook: Hook) -> list[Memory]:
+    """What a hook remembers.
+
+    Raises:
+        InputError: it is no list of :class:`Memory`.
+    """
+    return validate.instances(hook.memory(), Memory, f"memory of {type(hook).__name__}")

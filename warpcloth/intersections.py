@@ -53,8 +53,9 @@ class Triangles:
 
     def _place(self, state: State) -> None:
         shapes = self.model.shapes
-        shapes.place(self.model.tracks, state.world_time, 0.0)
-        self.surface.place(state.particle_q, shapes.end, self.points)
+        with shapes.turn:
+            shapes.place(self.model.tracks, state.world_time, 0.0)
+            self.surface.place(state.particle_q, shapes.end, self.points)
 
 
 def intersections(model: Model, state: State) -> np.ndarray:

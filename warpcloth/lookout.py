@@ -1,5 +1,6 @@
 """Looks at each frame when it is done: stops on non-finite numbers and torn cloth, sees rest, warns of the rest."""
 
+import sys
 import warnings
 from collections.abc import Sequence
 
@@ -54,7 +55,7 @@ class Lookout:
             DivergedError: something is not finite, or cloth is torn.
 
         Warns:
-            ContactWarning, ConvergenceWarning: once each, in the name of whoever called the caller.
+            ContactWarning, ConvergenceWarning: once each, in the name of whoever called this package.
         """
         bad, way = diagnostics.frame_motion(self.model, before, state)
         diagnostics.check_finite(self.model, bad, time, self.integrator.name, substeps)
@@ -65,23 +66,22 @@ class Lookout:
         self._look_at_guard(time)
         if self.integrator.implicit and not self._warned and self.integrator.metrics().get("unconverged_steps", 0):
             self._warned = True
-            warnings.warn(
+            _warn(
                 f"{self.integrator.name} did not meet its tolerance in a step before t = {time:g} s and went on "
                 "with what it had; use more substeps, allow more iterations, or see metrics()['unconverged_steps'].",
                 ConvergenceWarning,
-                stacklevel=3,
             )
 
     def warn_if_unstable(self, state: State, dt: float, substeps: int, airs: Sequence[Air]) -> None:
-        """Warns, for steps longer than all before and in the name of the caller's caller, of too few ``substeps``;
-        ``airs`` are those of the worlds."""
+        """Warns, for steps longer than all before and in the name of whoever called this package, of too few
+        ``substeps``; ``airs`` are those of the worlds."""
         if dt / substeps <= self._judged * (1.0 + 1e-9):
             return
         self._judged = dt / substeps
         x, v = (array.numpy().astype(np.float64) for array in (state.particle_q, state.particle_qd))
         warning = stability.warning_of_unstable_steps(self.model, self.integrator, x, v, dt, substeps, airs)
         if warning is not None:
-            warnings.warn(warning, StabilityWarning, stacklevel=3)
+            _warn(warning, StabilityWarning)
 
     def _look_at_guard(self, time: float) -> None:
         """Says so, once, when the guard holds back a tenth of all particles for ten frames on end: cloth is locked."""
@@ -89,9 +89,16 @@ class Lookout:
         many = held - self._held > LOCKED_SHARE * self.model.particle_count
         self._held, self._held_frames = held, self._held_frames + 1 if many else 0
         if self._held_frames == LOCKED_FRAMES:
-            warnings.warn(
+            _warn(
                 f"Cloth is locked at t = {time:g} s: over {LOCKED_SHARE:.0%} of it is held back in every frame "
                 "so as not to intersect; use more substeps, slower motions or thicker cloth.",
                 ContactWarning,
-                stacklevel=4,
             )
+
+
+def _warn(message: str, kind: type[Warning]) -> None:
+    """Warns in the name of whoever called this package, through however many of its own calls."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals["__name__"].partition(".")[0] == __package__:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, kind, stacklevel=level)

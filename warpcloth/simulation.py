@@ -15,7 +15,7 @@ from .forces.grabs import Hold
 from .forces.user import UserForce, user_forces
 from .frames import Frames
 from .grab import Grab, GrabTape, make_hold
-from .hooks import Hook
+from .hooks import Hook, memory_of
 from .integrators import make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
@@ -114,8 +114,7 @@ class Simulation(OnDevice):
         self.state = State.of(model)
         drive_pins(model, self.state.world_time, 0.0, self.state.particle_q, self.state.particle_qd)
         self._other = self.state.twin()
-        hooked = [validate.instances(hook.memory(), Memory, f"memory of {type(hook).__name__}") for hook in self.hooks]
-        self._memory = [item for own in (*self._memories(), *hooked) for item in own]
+        self._memory = [item for own in self._memories() for item in own]
         self._backup = Backup(self.state, self._memory, self.integrator, self.contact, self._frames)
         self._auto, self._auto_step = isinstance(substeps, str), 0.0
         if self._auto:
@@ -282,7 +281,7 @@ class Simulation(OnDevice):
         """Goes on where ``other`` is with some of its worlds, each as it would there if the integrator couples none.
 
         Args:
-            other: a simulation with the same options, between two frames.
+            other: a simulation with the same options, hooks among them, and no grabs, between two frames.
             worlds: which worlds of ``other`` this model has, in rising order; what cannot be so is an ``InputError``.
         """
         keep = worlds_to_keep(self, validate.instance(other, Simulation, "Simulation"), worlds)
@@ -293,7 +292,8 @@ class Simulation(OnDevice):
         self.lookout.rest_since = other.lookout.rest_since[keep]
 
     def _memories(self) -> tuple[Sequence[Memory], ...]:
-        return self.integrator.memory(), self.forces.memory(), self.contact.memory()
+        hooked = map(memory_of, self.hooks)
+        return self.integrator.memory(), self.forces.memory(), self.contact.memory(), *hooked
 
     def _frame(self, dt: float, substeps: int) -> None:
         now, later = self.state, self._other

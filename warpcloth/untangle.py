@@ -76,6 +76,11 @@ def untangle(model: Model, state: State, *, rounds: int = 1000) -> Untangled:
         InputError: ``rounds`` is no whole number above 0.
     """
     rounds = validate.integer(rounds, "rounds", minimum=1, maximum=10**6)
+    with model.shapes.turn:
+        return _untangled(model, state, rounds)
+
+
+def _untangled(model: Model, state: State, rounds: int) -> Untangled:
     tangle, begun = Tangle(model, state), state.particle_q.numpy().copy()
     before, done = tangle.figures(), 0
     if tangle.tangled.any():

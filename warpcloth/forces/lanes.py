@@ -32,9 +32,14 @@ class Lanes(NamedTuple):
 
 
 def springs_by_world(model: Model) -> list[tuple[np.ndarray, int, int]]:
-    """Of each world the numbers of its springs, in rising order, and its first and last particle (not included)."""
-    world = model.particle_world.numpy()
-    of_spring = world[model.spring_indices.numpy().reshape(-1, 2)[:, 0]]
+    """Of each world the numbers of its springs, in rising order, and its first and last particle (not included).
+
+    Worlds count as one where their particles are not in rows of their own, as some of Newton's are not.
+    """
+    world, ends = model.particle_world.numpy(), model.spring_indices.numpy().reshape(-1, 2)
+    of_spring = world[ends[:, 0]]
+    if (np.diff(world) < 0).any() or not np.array_equal(of_spring, world[ends[:, 1]]):
+        return [(np.arange(len(ends)), 0, len(world))]
     bounds = np.arange(model.world_count + 1)
     particles = pairwise(np.searchsorted(world, bounds).tolist())
     order = np.argsort(of_spring, kind="stable")

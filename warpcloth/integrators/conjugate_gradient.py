@@ -95,13 +95,14 @@ class ConjugateGradient:
 
 
 def _make_lanes(model: Model) -> tuple[Any, int]:
-    """Ranges of particles that never cross from one world to the next."""
-    world_start = np.searchsorted(model.particle_world.numpy(), np.arange(model.world_count + 1))
+    """Ranges of particles that never cross from one world to the next; those of a world need not be in one row."""
+    worlds = model.particle_world.numpy()
+    bounds = np.flatnonzero(np.diff(worlds, prepend=-1, append=-1)).tolist()
     length = CPU_LANE if model.device.is_cpu else GPU_LANE
-    starts = [np.arange(a, b, length) for a, b in itertools.pairwise(world_start)]
-    counts = [len(s) for s in starts]
+    rows = [(worlds[a], k, min(k + length, b)) for a, b in itertools.pairwise(bounds) for k in range(a, b, length)]
+    world, start, end = np.array(sorted(rows)).T
     lanes = model.kernels.conjugate_gradient.Lanes()
-    lanes.particle_start = model.array(np.concatenate([*starts, [model.particle_count]]), wp.int32)
-    lanes.world = model.array(np.repeat(np.arange(model.world_count), counts), wp.int32)
-    lanes.lane_start = model.array(np.concatenate([[0], np.cumsum(counts)]), wp.int32)
-    return lanes, int(sum(counts))
+    lanes.particle_start, lanes.particle_end = model.array(start, wp.int32), model.array(end, wp.int32)
+    lanes.world = model.array(world, wp.int32)
+    lanes.lane_start = model.array(np.searchsorted(world, np.arange(model.world_count + 1)), wp.int32)
+    return lanes, len(rows)

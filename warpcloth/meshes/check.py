@@ -57,7 +57,7 @@ def areas_only(points: np.ndarray, triangles: np.ndarray, label: str) -> np.ndar
     said = _said_of(np.flatnonzero(flat), triangles, label)
     if flat.all():
         raise MeshError(f"{said}, and no others are left to collide with.")
-    warnings.warn(f"{said}; an obstacle does without.", MeshWarning, stacklevel=3)
+    warnings.warn(f"{said}; an obstacle does without.", MeshWarning, stacklevel=4)
     return triangles[~flat]
 
 
