@@ -111,13 +111,15 @@ def penetration(
 ):
     """Depth of each particle below the true surface of the solid it is deepest in [m]; 0 outside.
 
-    Inside a mesh means a generalised winding number above one half (Jacobson et al. 2013); open meshes have no inside.
+    Inside a mesh means a generalised winding number above one half (Jacobson et al. 2013); shells have no inside.
     """
     i = wp.tid()
     w = particle_world[i]
     deepest = real(0.0)
     for s in range(shapes.world_start[w], shapes.world_start[w + 1]):
         x = to_local(place[s], particle_q[i])
+        if shapes.solid[s] == 0:
+            continue
         if shapes.kind[s] == MESH:
             near = wp.mesh_query_point_sign_winding_number(shapes.mesh[s], to_float3(x), wp.float32(reach))
             if near.result and near.sign < 0.0:

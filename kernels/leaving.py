@@ -37,6 +37,8 @@ def leave_solids(
         x = to_local(place[s], q)
         out = vec3()
         depth = real(0.0)
+        if shapes.solid[s] == 0:
+            continue
         if shapes.kind[s] == MESH:
             near = wp.mesh_query_point_sign_winding_number(shapes.mesh[s], to_float3(x), wp.float32(reach))
             if near.result and near.sign < 0.0:

@@ -30,6 +30,7 @@ class Shapes:
     size: wp.array(dtype=vec3)
     mesh: wp.array(dtype=wp.uint64)
     mesh_speed: wp.array(dtype=real)
+    solid: wp.array(dtype=wp.int32)  # 0 for meshes that are shells
     thickness: wp.array(dtype=real)
     friction: wp.array(dtype=real)
     restitution: wp.array(dtype=real)

@@ -96,6 +96,7 @@ class CollisionShapes:
         ids, speeds = self._make_meshes(worlds, items)
         shapes.mesh = column(np.array(ids, np.uint64), wp.uint64)
         shapes.mesh_speed = column(speeds, real)
+        shapes.solid = column([not isinstance(o, MeshObstacle) or o.solid for o in items], wp.int32)
         shapes.thickness = column([o.thickness for o in items], real)
         shapes.friction = column([o.friction for o in items], real, requires_grad=self.kernels.differentiable)
         shapes.restitution = column([o.restitution for o in items], real, requires_grad=self.kernels.differentiable)

@@ -1,6 +1,7 @@
 """Obstacles: what cloth collides with, still or moving."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from . import validate
 from .errors import InputError
 from .meshes import load_mesh, obstacle_mesh
 from .meshes.check import check_areas, checked_arrays
+from .meshes.openings import has_inside
 from .motion import Motion
 from .transforms import apply, as_matrix
 from .validate import Array, ReadOnly
@@ -172,6 +174,9 @@ class Box(Obstacle):
 class MeshObstacle(Obstacle):
     """A triangle mesh, still, in rigid motion, or deforming along sampled points.
 
+    A mesh with small holes, as scans have them, is solid: cloth must not start in it. One whose openings would take up
+    more than a tenth of it when closed is a shell, such as a bowl: cloth may lie in it.
+
     Args:
         points: initial vertices [m], shape [n, 3].
         triangles: vertex indices, counter-clockwise seen from outside, shape [m, 3]; any set of triangles with area.
@@ -220,6 +225,11 @@ class MeshObstacle(Obstacle):
     @property
     def centre(self) -> np.ndarray:
         return 0.5 * (self.points.min(axis=0) + self.points.max(axis=0))
+
+    @cached_property
+    def solid(self) -> bool:
+        """Whether it has an inside."""
+        return has_inside(self.points, self.triangles)
 
     @property
     def moves(self) -> bool:
