@@ -188,14 +188,15 @@ def share_corner(kind: int, i: wp.vec4i):
 def add_features(
     t: int, u: int, tri_indices: wp.array2d(dtype=wp.int32), tri_owned: wp.array(dtype=wp.int32),
     body: wp.array(dtype=wp.int32), radius: wp.array(dtype=real), rest: wp.array(dtype=vec3),
-    start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), margin: wp.float64, cloth_particles: int,
-    leeway: wp.float64, pairs: Pairs,
+    start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), margin: wp.float64, radii: wp.float64,
+    cloth_particles: int, leeway: wp.float64, pairs: Pairs,
 ):  # fmt: skip
     """The pairs of two triangles' features. One of the two looks at a vertex or edge: the one that owns it (bits 0–2
     and 3–5 of ``tri_owned``)."""
     mine = triple_at(tri_indices, t)
     other = triple_at(tri_indices, u)
-    if triangles_apart(mine, other, start, end, real(margin), real(leeway)):
+    near = margin + radii * (wp.float64(radius[mine[0]]) + wp.float64(radius[other[0]]))
+    if triangles_apart(mine, other, start, end, real(near), real(leeway)):
         return
     left = owned_pairs(tri_owned[t], tri_owned[u])
     f = int(-1)
@@ -207,8 +208,8 @@ def add_features(
         kind = wp.where(f < 6, 0, 1)
         if mine_too == 0 or share_corner(kind, i):
             continue
-        if not ways_apart(kind, i, start, end, wp.float32(margin)):
-            add_pair(kind, i, start, end, rest, radius, body, margin, cloth_particles, leeway, pairs)
+        if not ways_apart(kind, i, start, end, wp.float32(near)):
+            add_pair(kind, i, start, end, rest, radius, body, near, cloth_particles, leeway, pairs)
 
 
 @wp.kernel
@@ -228,14 +229,16 @@ def find_pairs(
     way: wp.array(dtype=Way),
     tri_active: wp.array(dtype=wp.int32),
     margin: wp.float64,
+    radii: wp.float64,
     cloth_particles: int,
     leeway: wp.float64,
     # Out
     pairs_out: Pairs,
 ):
-    """Every point–triangle and edge–edge pair of the candidates that can come within ``margin``, once.
+    """Every point–triangle and edge–edge pair of the candidates that can come within ``margin`` [m] and so many
+    ``radii`` of both, once.
 
-    One triangle of the two must be active. The triangles' ways hold at least half the margin.
+    One triangle of the two must be active. The triangles' ways hold at least half the margin, and their radii.
     """
     stray = wp.where(leeway < wp.float64(1.0), wp.float32(leeway), wp.float32(0.0))
     for n in range(thread_offset + wp.tid(), length_of(candidates), stride):
@@ -249,7 +252,7 @@ def find_pairs(
         if may_meet(way[t], way[u], stray):
             add_features(
                 t, u, tri_indices, tri_owned, particle_body, particle_radius, particle_rest, particle_from,
-                particle_to, margin, cloth_particles, leeway, pairs_out,
+                particle_to, margin, radii, cloth_particles, leeway, pairs_out,
             )  # fmt: skip
 
 
@@ -283,6 +286,7 @@ def find_fan_pairs(
     particle_to: wp.array(dtype=vec3),
     tri_active: wp.array(dtype=wp.int32),
     margin: wp.float64,
+    radii: wp.float64,
     cloth_particles: int,
     leeway: wp.float64,
     # Out
@@ -302,5 +306,5 @@ def find_fan_pairs(
                 if common[0] == i and flat[common[1]] == 0 and (tri_active[t] | tri_active[u]) == 1:
                     add_features(
                         t, u, tri_indices, tri_owned, particle_body, particle_radius, particle_rest,
-                        particle_from, particle_to, margin, cloth_particles, leeway, pairs_out,
+                        particle_from, particle_to, margin, radii, cloth_particles, leeway, pairs_out,
                     )  # fmt: skip

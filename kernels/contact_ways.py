@@ -232,12 +232,14 @@ def swept_bounds(
     thread_offset: int,
     tri_indices: wp.array2d(dtype=wp.int32),
     particle_world: wp.array(dtype=wp.int32),
+    particle_radius: wp.array(dtype=real),
     # State in
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
     drift: wp.array(dtype=wp.vec3d),
     active: wp.array(dtype=wp.int32),
     margin: float,
+    radii: float,
     foreseen: float,
     stray: float,
     room: float,
@@ -249,7 +251,7 @@ def swept_bounds(
     any_moved_out: wp.array(dtype=wp.int32),
     tri_active_out: wp.array(dtype=wp.int32),
 ):
-    """The way of every triangle from one set of positions to another, grown by ``margin`` [m].
+    """The way of every triangle from one set of positions to another, grown by ``margin`` [m] and so many ``radii``.
 
     Where the known way does not hold it, with what it strays if the way is only ``foreseen`` (by the share ``stray`` of
     its motion; else ``foreseen`` is 0), that becomes a new one; ``moved`` is 1 there, else 0. A triangle is active if
@@ -265,7 +267,7 @@ def swept_bounds(
     bare = way_of(corners, particle_from, particle_to)
     low = whole_low(bare)
     high = whole_high(bare)
-    pad = padding(margin, low, high)
+    pad = padding(margin + radii * float(particle_radius[corners[0]]), low, high)
     way = grown(bare, pad)
     way_out[t] = way
     if not holds(known_out[t], way, foreseen, room):

@@ -60,7 +60,6 @@ def prepared(**changes) -> Prepared:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"fabric": "thickness = 3e-3"},
         {"fabric": "thickness = 2e-3, strain_limit = 0.1, limit_stiffness = 1e3"},
         {"fabric": "thickness = 2e-3, damping_time = 0.0"},
         {"air": 1.2},
@@ -71,7 +70,7 @@ def prepared(**changes) -> Prepared:
     ids=str,
 )
 def test_samples_that_differ_in_what_a_model_shares_are_no_companions(changes):
-    assert prepared().companions == prepared(gravity=-9.81).companions
+    assert prepared().companions == prepared(gravity=-9.81, fabric="thickness = 3e-3").companions
     assert prepared(**changes).companions != prepared().companions
 
 

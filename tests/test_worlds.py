@@ -192,3 +192,23 @@ def test_worlds_come_to_rest_one_by_one():
     assert rest.settled
     sim.run(60)
     assert sim.settled
+
+
+def test_contact_among_cloth_looks_as_far_as_each_pair_is_thick():
+    """A world of thicker cloth beside it changes nothing."""
+
+    def layers(thickness: float) -> tuple[list[wc.Cloth], list[wc.Sphere]]:
+        fabric = replace(SOFT, thickness=thickness)
+        below = wc.Cloth.grid((0.3, 0.3), (10, 10), fabric, transform=(0.0, 0.0, 0.3))
+        above = wc.Cloth.grid(
+            (0.2, 0.2), (8, 8), fabric, transform=(0.03, 0.02, 0.32), name="above", velocity=(0.0, 0.0, -1.5)
+        )
+        return [below, above], [wc.Sphere((0.0, 0.0, 0.2), 0.08)]
+
+    alone, beside = (
+        simulation([layers(t) for t in thickness], contact="all") for thickness in ([0.002], [0.002, 0.006])
+    )
+    alone.run(20, fps=60)
+    beside.run(20, fps=60)
+    assert np.array_equal(phase(beside)[: alone.model.particle_count], phase(alone))
+    assert np.abs(phase(alone)[100:, 5] + 1.5).max() > 0.5  # the layers have met

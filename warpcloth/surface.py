@@ -22,7 +22,7 @@ class Surface:
             cloths and obstacles.
         point_shape: which of the model's shapes each obstacle vertex, after the cloths' particles, belongs to.
         tri_indices, tri_owned: corners of each triangle, and which vertices and edges it answers for.
-        thickest: greatest sum of a cloth's and another body's radius [m]. edge: median edge of the cloths [m].
+        edge: median edge of the cloths [m].
     """
 
     def __init__(self, model: Model):
@@ -45,9 +45,7 @@ class Surface:
         sizes = [*(cloth.stop - cloth.start for cloth in model.cloths), *self._sizes]
         self.body = model.array(np.repeat(np.arange(len(sizes)), sizes), wp.int32)
         self._join_triangles(solids)
-        cloth = float(model.particle_radius.numpy().max())
         self.edge = median_edge(model.particle_q.numpy(), model.tri_indices.numpy())
-        self.thickest = cloth + max([cloth, *(solid.obstacle.thickness for solid in solids)])
 
     def _join_triangles(self, solids: list[Facets]) -> None:
         firsts = self.cloth_particles + np.cumsum([0, *self._sizes])

@@ -47,13 +47,11 @@ class Prepared:
         scene = self.scene
         coupled = self.built.network is not None or INTEGRATORS[scene.simulation.integrator].couples_worlds
         options = scene.simulation.model_dump(mode="json", exclude={"gravity"})
-        thickness = [max((c.fabric.thickness for c in self.built.cloths), default=0.0)]  # contact looks as far as these
-        thickness += [max((o.thickness for o in self.built.obstacles), default=0.0)]
         fabrics = [cloth.fabric for cloth in self.built.cloths]
         damped = [any(f.damping_time > 0.0 for f in fabrics), scene.air.density > 0.0]  # schemes look at these
         limited = any(f.strain_limit is not None for f in fabrics)
         alone = self.sample.index if coupled else None
-        facts = [scene.fps, options, thickness, contact_intervals(self.built), damped, limited, alone]
+        facts = [scene.fps, options, contact_intervals(self.built), damped, limited, alone]
         return json.dumps(facts, sort_keys=True)
 
     @cached_property

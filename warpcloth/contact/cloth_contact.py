@@ -88,10 +88,11 @@ class ClothContact:
         surface.place(state.particle_q, model.shapes.end, self.now)
         copy(self.start, self.now)
         self.hold.begin(state)
-        finder, reach = self.finder, REACH * surface.thickest
+        finder = self.finder
         finder.look_at_fans(self.start, self.start, finder.everything)
         finder.measure_drift(self.start, self.before)
-        finder.find(self.pairs, self.start, self.before, finder.everything, reach, finder.flat, foreseen=True)
+        ways = (self.start, self.before, finder.everything)
+        finder.find(self.pairs, *ways, 0.0, finder.flat, foreseen=True, radii=REACH)
 
     def resolve(self, state_in: State, state_out: State, dt: float) -> None:
         """Pushes apart what is too close at ``state_out``, dt [s] after ``state_in``; obstacles have been placed."""

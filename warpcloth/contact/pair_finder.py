@@ -48,9 +48,10 @@ class PairFinder:
 
     def find(
         self, target: PairList, start: wp.array, end: wp.array, active: wp.array, margin: float, flat: wp.array,
-        foreseen: bool = False,
+        foreseen: bool = False, radii: float = 0.0,
     ) -> None:  # fmt: skip
-        """Fills ``target`` with the pairs that can come within ``margin`` [m] on the way from start to end.
+        """Fills ``target`` with the pairs that can come within ``margin`` [m] and so many of their ``radii`` on the
+        way from start to end.
 
         All move at the same time, so that only relative motion counts; :meth:`measure_drift` comes first.
 
@@ -64,11 +65,11 @@ class PairFinder:
         surface = self.surface
         end = self._without_drift(end)
         leeway, stray = (LEEWAY, LEEWAY) if foreseen else (1.0, 0.0)
-        self._bound(start, end, active, 0.5 * margin, stray)
+        self._bound(start, end, active, 0.5 * margin, stray, radii)
         only_if(self.any_moved, self._renew_known)
         fill(target.pairs.count)
         mesh = [surface.tri_indices, surface.tri_owned, surface.body, surface.radius, surface.rest]
-        others = [self.tri_active, margin, surface.cloth_particles, leeway]
+        others = [self.tri_active, margin, radii, surface.cloth_particles, leeway]
         self._launch(
             self.kernels.contact_pairs.find_pairs, self.width,
             [*mesh, self.width, self.known, start, end, self.way, *others],
@@ -137,15 +138,15 @@ class PairFinder:
         return BinaryTree(self.model, surface, self.known_way)
 
     def _bound(
-        self, start: wp.array, end: wp.array, active: wp.array, margin: float, foreseen: float = 0.0
+        self, start: wp.array, end: wp.array, active: wp.array, margin: float, foreseen: float = 0.0, radii: float = 0.0
     ) -> None:  # fmt: skip
         fill(self.any_moved)
         surface = self.surface
         self._launch(
             self.kernels.contact_ways.swept_bounds, surface.tri_count,
             [
-                surface.tri_indices, surface.world, start, end, self.drift, active, margin, foreseen, LEEWAY,
-                self.room, self.ahead,
+                surface.tri_indices, surface.world, surface.radius, start, end, self.drift, active, margin, radii,
+                foreseen, LEEWAY, self.room, self.ahead,
             ],
             [self.way, self.known_way, self.moved, self.any_moved, self.tri_active],
         )  # fmt: skip
