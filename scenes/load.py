@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -118,7 +119,7 @@ def scene_from_toml(
     """
     try:
         data = parse_toml(text)
-        apply_overrides(data, overrides)
+        apply_overrides(data, overrides, partial(_complete, folder=Path() if folder is None else folder))
     except SceneError as error:
         raise SceneError(_prefixed(source, str(error))) from None
     return scene_from_data(data, name=name, folder=folder, source=source)
@@ -140,10 +141,18 @@ def _scene_of_stage(path: Path, overrides: Iterable[str], prims: dict[str, Any])
     """The scene that a stage is by itself."""
     data: dict[str, Any] = {"stage": {"path": path.name, **prims}}
     try:
-        apply_overrides(data, overrides)
+        apply_overrides(data, overrides, partial(_complete, folder=path.parent))
     except SceneError as error:
         raise SceneError(_prefixed(path.name, str(error))) from None
     return scene_from_data(data, name=path.stem, folder=path.parent, source=path.name)
+
+
+def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The tables of a scene with every field that has a value; empty where they are no scene yet."""
+    try:
+        return Scene.model_validate(_with_stage(data, folder)).model_dump(mode="json", exclude_none=True)
+    except ValidationError:
+        return {}
 
 
 def _with_stage(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:

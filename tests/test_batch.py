@@ -276,8 +276,8 @@ def test_the_command(tmp_path, capfd):
 
 
 def test_samples_that_failed_make_the_exit_code_3(tmp_path, capfd):
-    """One of two, whose cloth starts inside the ball; also when there is nothing left to do."""
-    sweep = 'scene = "scene.toml"\ndesign = "grid"\n[[parameter]]\npath = "cloth.0.position.2"\nvalues = [0.21, 0.1]\n'
+    """The first of two, whose cloth starts inside the ball; also when there is nothing left to do."""
+    sweep = 'scene = "scene.toml"\ndesign = "grid"\n[[parameter]]\npath = "cloth.0.position.2"\nvalues = [0.1, 0.21]\n'
     path, out = str(written(tmp_path, sweep)), str(tmp_path / "out")
     for _ in range(2):
         assert cli(["batch", path, "-o", out, "--workers", "1"]) == 3

@@ -218,6 +218,17 @@ def test_overrides_by_number_and_by_name():
     assert scene.cloth[1].resolution == (9, 45)
 
 
+def test_overrides_of_single_numbers_in_lists_that_the_file_leaves_to_their_defaults():
+    overrides = ["air.wind.1=4", "simulation.gravity.2 = -1.6", "cloth.0.velocity.0=1", "cloth.0.velocity.2=-2"]
+    scene = scene_from_toml(GRID, overrides=overrides)
+    assert (scene.air.wind, scene.simulation.gravity) == ((0.0, 4.0, 0.0), (0.0, 0.0, -1.6))
+    assert scene.cloth[0].velocity == (1.0, 0.0, -2.0)
+    with pytest.raises(errors.SceneError, match=r"'air\.wind' is a list of 3, counted from 0, so it has no 3"):
+        scene_from_toml(GRID, overrides=["air.wind.3=4"])
+    with pytest.raises(errors.SceneError, match="'obstacle' is a list of 0, counted from 0, so it has no 0"):
+        scene_from_toml(GRID, overrides=["obstacle.0.shape=sphere"])
+
+
 @pytest.mark.parametrize(
     ("override", "sentence"),
     [

@@ -113,6 +113,22 @@ def test_cloth_may_have_its_faces_sampled_at_every_frame(tmp_path, stage):
     assert check_cache(result.output).ok
 
 
+@pytest.mark.parametrize("code", [Usd.TimeCode.Default(), 0.0], ids=["once", "sampled"])
+def test_models_that_cloth_is_in_do_not_keep_the_extent_that_they_had(tmp_path, stage, code):
+    """The root's hint has the cloth where it starts, 0.5 m high, before it falls; the toy's is as good as it was."""
+    toy = stage.DefinePrim("/World/Toy", "Xform")
+    add_ball(stage, "/World/Toy/Ball")
+    for prim in (stage.GetPrimAtPath("/World"), toy):
+        hint = UsdGeom.ModelAPI.Apply(prim).ComputeExtentsHint(UsdGeom.BBoxCache(code, ["default"]))
+        UsdGeom.ModelAPI(prim).SetExtentsHint(hint, code)
+    stage.Save()
+    result = simulate(load_scene(tmp_path / "shot.usda"), tmp_path / "out.usda", device="cpu", frames=2)
+    shot = Usd.Stage.Open(str(result.output))
+    bounds = UsdGeom.BBoxCache(2.0, ["default"], useExtentsHint=True)
+    assert bounds.ComputeWorldBound(shot.GetPrimAtPath("/World")).ComputeAlignedRange().GetMax()[2] < 0.49
+    assert UsdGeom.ModelAPI(shot.GetPrimAtPath("/World/Toy")).GetExtentsHintAttr().Get(0.0)
+
+
 def test_strain_is_that_under_a_scale_that_has_samples_only(tmp_path, stage):
     scale = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Shirt")).AddScaleOp()
     for code in (0.0, 2.0):

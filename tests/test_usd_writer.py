@@ -1,13 +1,14 @@
 """Caches as written: everything a production pipeline expects of one, whatever happens while it is written."""
 
+import dataclasses
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdValidation
-from usd_shots import FPS, LAST, frame_of, one_of_each, two_cloths, write_shot
-from warpcloth.scenes.usd import CacheWriter, read_obstacles
+from usd_shots import FPS, LAST, frame_of, one_of_each, two_cloths, write_frames, write_shot
+from warpcloth.scenes.usd import CacheWriter, check_cache, read_obstacles
 from warpcloth.scenes.usd.surface import VertexNormals, summed_area_vectors, vertex_normals
 
 from warpcloth import Cloth
@@ -101,6 +102,19 @@ def test_topology_is_fixed_and_complete(stage):
         assert st.IsIndexed()
         assert st.GetInterpolation() == "faceVarying"
         np.testing.assert_allclose(np.array(st.ComputeFlattened()), cloth.uvs[cloth.uv_indices.ravel()], atol=1e-7)
+
+
+def test_texture_coordinates_given_for_each_corner_are_written_once(tmp_path):
+    disc = Cloth.disc(radius=0.4, resolution=2)
+    given = disc.uvs[disc.uv_indices.ravel()]
+    each = dataclasses.replace(disc, uvs=given, uv_indices=np.arange(len(given)).reshape(-1, 3))
+    with CacheWriter(tmp_path / "disc.usdc", [each], [], FPS, {}) as writer:
+        write_frames(writer, [each], range(2))
+    assert check_cache(writer.close()).usd_errors == ()
+    stage = Usd.Stage.Open(str(tmp_path / "disc.usdc"))
+    st = UsdGeom.PrimvarsAPI(meshes(stage)[0]).GetPrimvar("st")
+    assert len(st.Get()) == len(disc.uvs) < len(given)
+    np.testing.assert_allclose(np.array(st.ComputeFlattened()), given, atol=1e-7)
 
 
 def test_cloth_has_its_colour_and_its_pins(stage):

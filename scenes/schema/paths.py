@@ -21,9 +21,28 @@ def assign(data: dict[str, Any], path: str, value: Any) -> None:
     _assign(parent, keys, value)
 
 
+def find(data: Any, keys: list[str]) -> Any:
+    """What is at a path of the raw tables of a scene; None where nothing is.
+
+    Raises:
+        SceneError: A list on the way has no such item.
+    """
+    for depth, key in enumerate(keys):
+        if isinstance(data, list):
+            data = data[_index(data, key, keys[: depth + 1])]
+        else:
+            data = data.get(key) if isinstance(data, dict) else None
+    return data
+
+
 def shorten(text: str, length: int = 80) -> str:
     """The text, cut where it is too long for a message."""
     return text if len(text) <= length else text[: length - 1] + "…"
+
+
+def is_number(key: str) -> bool:
+    """Whether a key of a path is the number of a list's item."""
+    return re.fullmatch("[0-9]{1,9}", key) is not None
 
 
 def _step(parent: Any, key: str, path: list[str]) -> Any:
@@ -49,7 +68,7 @@ def _assign(parent: Any, keys: list[str], value: Any) -> None:
 def _index(items: list[Any], key: str, path: list[str]) -> int:
     """Position of a list's item given by number, or by the name that its table has."""
     where = shorten(".".join(path[:-1]))
-    if re.fullmatch("[0-9]{1,9}", key):
+    if is_number(key):
         if int(key) >= len(items):
             raise SceneError(f"{where!r} is a list of {len(items)}, counted from 0, so it has no {key}")
         return int(key)

@@ -41,6 +41,7 @@ class ClothOver:
         prim = part.mesh.GetPrim()
         self.over = UsdGeom.Mesh(layer.OverridePrim(prim.GetPath()))
         single_out(layer, prim)
+        _forget_bounds(layer, prim)
         if Skin.of(part.mesh):  # it would be moved once more
             UsdSkel.BindingAPI(self.over.GetPrim()).CreateSkeletonRel().SetTargets([])
         self.moves = bool(transform_codes(prim))
@@ -138,3 +139,13 @@ def single_out(layer: Usd.Stage, prim: Usd.Prim) -> None:
     for path in prim.GetPath().GetPrefixes():
         if stage.GetPrimAtPath(path).IsInstance():
             layer.OverridePrim(path).SetInstanceable(False)
+
+
+def _forget_bounds(layer: Usd.Stage, prim: Usd.Prim) -> None:
+    """Takes from the models that a prim is in what they say of their extent, for it to follow from their meshes."""
+    stage = prim.GetStage()
+    for path in prim.GetPath().GetPrefixes():
+        hint = UsdGeom.ModelAPI(stage.GetPrimAtPath(path)).GetExtentsHintAttr()
+        if hint and hint.HasAuthoredValue():
+            over = layer.OverridePrim(path)
+            over.CreateAttribute(hint.GetName(), hint.GetTypeName(), custom=False).Block()

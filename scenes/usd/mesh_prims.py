@@ -81,11 +81,25 @@ class ClothPrim(MeshPrim):
         primvar = UsdGeom.PrimvarsAPI(self.mesh).CreatePrimvar(
             "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
         )
-        primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(cloth.uvs, np.float32)))
-        primvar.SetIndices(integers(cloth.uv_indices))
+        values, indices = _distinct(cloth.uvs, cloth.uv_indices)
+        primvar.Set(Vt.Vec2fArray.FromNumpy(values))
+        primvar.SetIndices(integers(indices))
 
     def _set_pins(self, indices: np.ndarray) -> None:
         """The held vertices as a point subset, so that they can be seen and selected in any USD tool."""
         if len(indices) == 0:
             return
         UsdGeom.Subset.CreateGeomSubset(self.mesh, "pins", UsdGeom.Tokens.point, integers(indices), "pins")
+
+
+def _distinct(pairs: np.ndarray, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same values in single precision, each once, in the order of their first, and the indices into these.
+
+    Many writers have a value for each corner of each face, and validators object to values that are there twice.
+    """
+    stored = np.ascontiguousarray(pairs, np.float32) + np.float32(0.0)  # which makes −0 a 0
+    _, first, group = np.unique(stored.view(np.uint64).ravel(), return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return stored[first[order]], place[group][indices]

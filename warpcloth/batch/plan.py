@@ -1,5 +1,6 @@
 """What a batch will do: how many processes and worlds, and what it will take."""
 
+import contextlib
 import time
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -12,7 +13,7 @@ from ..program import cores
 from ..scenes.built import BuiltScene, make_model, make_simulation
 from .folder import BatchFolder
 from .prepared import prepare
-from .sweep import Sweep
+from .sweep import Sample, Sweep
 
 # Particles stepped together: enough that launching kernels costs little beside running them, see benchmarks/README.md.
 CPU_PARTICLES, GPU_PARTICLES = 4_096, 1_048_576
@@ -107,13 +108,16 @@ def _frame_seconds(sweep: Sweep) -> float:
     Raises:
         WarpclothError: none of these can be simulated.
     """
-    for index in range(min(PROBES, sweep.count)):
-        try:
-            prepared = prepare(sweep.sample(index))
-            break
-        except WarpclothError:
-            if index + 1 == min(PROBES, sweep.count):
-                raise
+    *others, last = range(min(PROBES, sweep.count))
+    for index in others:
+        with contextlib.suppress(WarpclothError):
+            return _measured(sweep.sample(index))
+    return _measured(sweep.sample(last))
+
+
+def _measured(sample: Sample) -> float:
+    """Wall time of one of the first frames of a sample alone [s]."""
+    prepared = prepare(sample)
     simulation = make_simulation([prepared.built], make_model([prepared.built]))
     for _ in range(2):  # the first loads the kernels, the second captures the graph
         simulation.step(1.0 / prepared.scene.fps)
