@@ -9,8 +9,8 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights, time_of_impact
-from .contact_pairs import Contacts, Pairs, put_contact, weights_of, wide
-from .contact_response import effective_mobility, part_of, relative_motion
+from .contact_pairs import Contacts, Pairs, put_contact, relative_motion, weights_of, wide
+from .contact_response import effective_mobility, part_of
 from .counting import count_up
 from .fixed_sums import KICK_UNIT, MOVE_UNIT, add_fixed, add_share
 from .precision import FORWARD_ONLY, real, vec3

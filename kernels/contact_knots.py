@@ -1,11 +1,12 @@
 """Knots: pairs of cloth that are still through each other when the passes of a step are over go on as one in it.
 
 Where many pairs share few particles, as in the tip of a fold, what they ask for can cancel out, pass by pass, and the
-step ends with features through each other. The guard would part them at the end of the interval, one after the other
-and each into the next one, and in the end hold them back, again and again: heaps of silk hung in the air, stretched to
-twice their size. The start of the step was free of that. So what is through each other after it moves by the mean
-motion of its cluster (``contact_clusters.py``) and gets its mean velocity: an impact without rebound, which conserves
-momentum. The next step begins where contact can still tell the sides apart.
+step ends with features through each other. The guard then parts them at the end of the interval, one after the other
+and each into the next one, and in the end holds them back, again and again: heaps of silk hung in the air, stretched to
+twice their size. The start of the step was free of that. So, for a while after the guard had to hold back something of
+a world, what is through each other after a step moves by the mean motion of its cluster (``contact_clusters.py``) and
+gets its mean velocity: an impact without rebound, which conserves momentum. The next step begins where contact can
+still tell the sides apart.
 """
 
 import sys
@@ -14,25 +15,58 @@ import warp as wp
 
 from .closest import combine, pair_weights
 from .contact_clusters import UNIT, Clusters, common_way, unite
-from .contact_pairs import Pairs, narrow, wide
+from .contact_pairs import Pairs, narrow, relative_motion, wide
 from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 
+# Intervals in which knots are joined once the guard has held back something. Joined always, they left fewer heaps to
+# the guard, but where a fast box struck curtains they grew over all of these and tore them.
+INTERVALS = wp.constant(30)
+# [contact distances] A pair that moves further than that in a step has an impact, which is for the guard.
+FAST = wp.constant(wp.float64(3.0))
+
+
 @wp.struct
 class Crossed:
-    """Which worlds had pairs through each other in their last pass, and whether any had."""
+    """Which worlds had pairs through each other in their last pass, and whether any had; and for how many more
+    intervals knots are joined in each world."""
 
     world: wp.array(dtype=wp.int32)
     any: wp.array(dtype=wp.int32)
+    wary: wp.array(dtype=wp.int32)
 
 
 @wp.func
 def note_crossed(crossed_out: Crossed, world: int):
     """A pair of the world is through each other."""
-    crossed_out.world[world] = 1
-    crossed_out.any[0] = 1
+    if crossed_out.wary[world] > 0:
+        crossed_out.world[world] = 1
+        crossed_out.any[0] = 1
+
+
+@wp.kernel
+def begin_interval(
+    # Out
+    wary_out: wp.array(dtype=wp.int32),
+):
+    """One interval less."""
+    w = wp.tid()
+    wary_out[w] = wp.max(wary_out[w] - 1, 0)
+
+
+@wp.kernel
+def be_wary(
+    # State in
+    held_world: wp.array(dtype=wp.int32),
+    # Out
+    wary_out: wp.array(dtype=wp.int32),
+):
+    """In worlds in which the guard has held back something knots are joined for a while."""
+    w = wp.tid()
+    if held_world[w] == 1:
+        wary_out[w] = INTERVALS
 
 
 @wp.func
@@ -61,6 +95,7 @@ def find_knots(
     pairs: Pairs,
     stride: int,
     # State in
+    particle_start: wp.array(dtype=vec3),
     particle_q: wp.array(dtype=vec3),
     crossed: Crossed,
     clusters: Clusters,
@@ -82,6 +117,9 @@ def find_knots(
         x2 = wide(particle_q[i[2]])
         x3 = wide(particle_q[i[3]])
         w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
+        moved = relative_motion(particle_start, particle_q, i, w)
+        if wp.length(moved) > FAST * wp.float64(pairs.distance[k]):
+            continue
         if not through(w, combine(w, x0, x1, x2, x3), wide(pairs.side[k])):
             continue
         if unite(i, wp.vec4i(1), clusters, parent_out) > 0:

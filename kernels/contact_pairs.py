@@ -67,6 +67,15 @@ def weights_of(contacts: Contacts, k: int):
     return wp.vec4d(wp.float64(w[0]), wp.float64(w[1]), wp.float64(w[2]), wp.float64(w[3]))
 
 
+@wp.func
+def relative_motion(start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), i: wp.vec4i, w: wp.vec4d):
+    """Σ wₖ (end − start) [m]."""
+    total = wp.vec3d()
+    for m in range(4):
+        total += w[m] * (wide(end[i[m]]) - wide(start[i[m]]))
+    return total
+
+
 @wp.kernel
 def place_points(
     # Model

@@ -7,7 +7,7 @@ import warp as wp
 from .closest import combine, pair_weights
 from .contact_knots import Crossed, note_crossed, through
 from .contact_load import PADDING, FurtherPasses, Load, add_lack, earn_pass, load_between, takes_part
-from .contact_pairs import Contacts, Pairs, narrow, put_contact, weights_of, wide
+from .contact_pairs import Contacts, Pairs, narrow, put_contact, relative_motion, weights_of, wide
 from .fixed_sums import KICK_UNIT, MOVE_UNIT, SHARE_UNIT, add_fixed, add_share, from_fixed
 from .precision import FORWARD_ONLY, real, vec3, vec4
 
@@ -51,15 +51,6 @@ def part_of(
     if most > LEVERAGE * effective:
         row = wp.max(row, most / LEVERAGE * wp.max(depth / reach, wp.float64(1.0)))
     return effective / row
-
-
-@wp.func
-def relative_motion(start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), i: wp.vec4i, w: wp.vec4d):
-    """Σ wₖ (end − start) [m]."""
-    total = wp.vec3d()
-    for m in range(4):
-        total += w[m] * (wide(end[i[m]]) - wide(start[i[m]]))
-    return total
 
 
 @wp.kernel

@@ -6,7 +6,7 @@ import warpcloth as wc
 from warpcloth.contact.cloth_contact import ClothContact
 from warpcloth.state import State
 
-GAP, SPAN = 2e-3, 5e-3
+GAP, SPAN = 1e-3, 5e-3
 HEAVY = wc.Fabric(areal_density=0.4)
 
 
@@ -52,6 +52,15 @@ def test_crossing_cloth_goes_on_as_one_and_keeps_its_momentum():
     assert np.array_equal(end.particle_q.numpy(), ends)
 
 
+def test_impacts_are_left_to_the_guard():
+    """Sheets that meet at a speed of many contact distances a step."""
+    cloths, start, end = crossing_sheets([])
+    end.particle_q.assign(start.particle_q.numpy() + 4.0 * (end.particle_q.numpy() - start.particle_q.numpy()))
+    wanted = end.particle_q.numpy().copy()
+    join(cloths, end, [1, 1])
+    assert np.array_equal(end.particle_q.numpy(), wanted)
+
+
 def test_pairs_with_pins_are_left_to_the_guard():
     """Pins go where they must: nothing that is through their triangles joins them."""
     cloths, _, end = crossing_sheets(["left", "right", "top", "bottom"])
@@ -61,14 +70,14 @@ def test_pairs_with_pins_are_left_to_the_guard():
 
 
 def test_a_heap_of_silk_comes_undone():
-    """Silk slides off a ball. Without knots particles were held back 1,148 times, the same again and again, and in
-    finer cloth the heap hung in the air."""
+    """Silk slides off a ball. Without knots particles were held back 648 times, the same again and again, and in finer
+    cloth the heap hung in the air."""
     silk = wc.library_fabric("silk")
-    cloth = wc.Cloth.grid((0.4, 0.4), (24, 24), silk, transform=(-0.08, -0.08, 0.33))
+    cloth = wc.Cloth.grid((0.4, 0.4), (20, 20), silk, transform=(-0.09, -0.08, 0.33))
     things = [wc.Sphere((0.0, 0.0, 0.12), 0.12, friction=0.13), wc.Plane(friction=0.5)]
     heap = wc.Simulation(wc.Model.build([cloth], things), "xpbd", contact="all")
     heap.run(30, fps=24)
     metrics = heap.metrics()
     assert metrics["intersections"] == 0
-    assert metrics["contact_held"] < 400
+    assert 0 < metrics["contact_held"] < 300
     assert metrics["max_strain"] < 0.3

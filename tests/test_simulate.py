@@ -231,8 +231,7 @@ def test_every_frame_is_checked_on_request(tmp_path):
 
 
 def test_the_profile_has_the_stages_of_contact(tmp_path):
-    """Cloth is so fast that the guard has something to do, too."""
-    scene = scene_from_toml(PASSING.replace("gravity", 'contact = "all"\ngravity').replace("-3.0", "-16.0"))
+    scene = scene_from_toml(PASSING.replace("gravity", 'contact = "all"\ngravity'))
     result = simulate(scene, tmp_path / "out.usda", check="every", profile=True)
     assert set(result.profile_ms) == {"detect", "integrate", "respond", "guard"}
     assert all(spent > 0.0 for spent in result.profile_ms.values())

@@ -88,6 +88,7 @@ class ClothContact:
         surface.place(state.particle_q, model.shapes.end, self.now)
         copy(self.start, self.now)
         self.hold.begin(state)
+        self.knots.begin()
         finder = self.finder
         finder.look_at_fans(self.start, self.start, finder.everything)
         finder.measure_drift(self.start, self.before)
@@ -112,7 +113,8 @@ class ClothContact:
     def memory(self) -> list[Memory]:
         """What is kept from step to step."""
         particles = np.arange(self.model.particle_count)
-        return [Memory(self.load.length, particles), Memory(self._support, particles)]
+        lengths = [Memory(self.load.length, particles), Memory(self._support, particles)]
+        return [*lengths, Memory(self.knots.wary, None)]
 
     def end(self, state: State, span: float) -> None:
         """Ends an interval of ``span`` [s] at ``state``: holds back what would have passed through cloth."""
@@ -126,7 +128,7 @@ class ClothContact:
         fill(self.met, 1)
         self.finder.measure_drift(self.start, self.now)
         repeat_while(self.impacts, lambda: self._part(state, span))
-        only_if(self.remaining, lambda: self.hold.run(state, span, self.start, self.now, self.met, self.counts))
+        only_if(self.remaining, lambda: self._hold(state, span))
         if model.shapes.count > 0:
             solids = [model.particle_inv_mass, model.particle_world, model.shapes.shapes]
             inputs = [*solids, state.particle_q, model.shapes.end]
@@ -164,6 +166,10 @@ class ClothContact:
         """
         names = ("contact_held", "contact_pinched", "contact_impacts", "contact_rounds")
         return dict(zip(names, self.counts.numpy().tolist(), strict=True))
+
+    def _hold(self, state: State, span: float) -> None:
+        self.hold.run(state, span, self.start, self.now, self.met, self.counts)
+        self.knots.be_wary(self.hold.open_worlds)
 
     def _make_load(self, surface: Surface) -> None:
         """Memory for load, none at first, and for the passes that it earns (``kernels/contact_load.py``)."""

@@ -19,6 +19,9 @@ class Hold:
         model: the model.
         surface: all that takes part in contact. finder, pairs: find and keep what may meet.
         clusters: in use within :meth:`run` only. separation: what is kept between any two [m].
+
+    Attributes:
+        open_worlds: 1 for worlds in which something was held back at last, else 0; int32, shape [world_count].
     """
 
     def __init__(
@@ -30,7 +33,7 @@ class Hold:
         self._end = surface.positions()
         self._fraction, self._next_fraction = (wp.ones(n, dtype=wp.float64, device=device) for _ in range(2))
         self._carrier, self._next_carrier, self._active = (wp.zeros(n, dtype=wp.int32, device=device) for _ in range(3))
-        self._open = wp.zeros(model.world_count, dtype=wp.int32, device=device)
+        self.open_worlds = wp.zeros(model.world_count, dtype=wp.int32, device=device)
         self._changed = wp.zeros(1, dtype=wp.int32, device=device)
         tracks, pins = np.unique(model.moving_pins.track.numpy(), return_index=True)
         self._group_pin = model.array(pins, wp.int32)
@@ -57,11 +60,11 @@ class Hold:
             counts: to which the numbers of particles held back and of pinched pairs are added.
         """
         model, surface, kernels = self.model, self.surface, self.model.kernels.contact_guard
-        fill(self._open)
-        self._launch(kernels.open_worlds, surface.particle_count, [surface.world, met], [self._open])
+        fill(self.open_worlds)
+        self._launch(kernels.open_worlds, surface.particle_count, [surface.world, met], [self.open_worlds])
         self._launch(
             kernels.let_go, surface.particle_count,
-            [surface.world, self._own_carrier, self._open],
+            [surface.world, self._own_carrier, self.open_worlds],
             [self._active, self._fraction, self._carrier],
         )  # fmt: skip
         self.clusters.part()

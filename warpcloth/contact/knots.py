@@ -25,9 +25,18 @@ class Knots:
         self.model, self.surface, self._pairs, self._clusters = model, surface, pairs, clusters
         self._kernels, device = model.kernels.contact_knots, model.device
         self.crossed = self._kernels.Crossed()
-        self.crossed.world = wp.zeros(model.world_count, dtype=wp.int32, device=device)
+        self.crossed.world, self.wary = (wp.zeros(model.world_count, dtype=wp.int32, device=device) for _ in range(2))
+        self.crossed.wary = self.wary
         self.crossed.any, self._united = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(2))
         self._momentum = wp.zeros((surface.particle_count, 3), dtype=wp.int64, device=device)
+
+    def begin(self) -> None:
+        """Before an interval."""
+        self._launch(self._kernels.begin_interval, self.model.world_count, [], [self.wary])
+
+    def be_wary(self, held_worlds: wp.array) -> None:
+        """After the guard has held back something in worlds with a 1: int32, shape [world_count]."""
+        self._launch(self._kernels.be_wary, self.model.world_count, [held_worlds], [self.wary])
 
     def forget(self) -> None:
         """Before a pass of all worlds."""
@@ -44,17 +53,17 @@ class Knots:
 
     def _join(self, start: wp.array, now: wp.array, state: State) -> None:
         self._clusters.part()
-        self._find(now, state)
+        self._find(start, now, state)
         repeat_while(self._united, lambda: self._round(start, now, state))
 
-    def _find(self, now: wp.array, state: State) -> None:
+    def _find(self, start: wp.array, now: wp.array, state: State) -> None:
         copy(now, state.particle_q, count=self.model.particle_count)
         fill(self._united)
         surface, width = self.surface, loop_width(self.model.device)
         near = [surface.inv_mass, surface.world, self._pairs.pairs, width]
         self._launch(
             self._kernels.find_knots, width,
-            [*near, now, self.crossed, self._clusters.sums],
+            [*near, start, now, self.crossed, self._clusters.sums],
             [self._clusters.next_parent, self._united],
         )  # fmt: skip
 
@@ -70,7 +79,7 @@ class Knots:
             [start, clusters.sums, self._momentum],
             [state.particle_q, state.particle_qd],
         )  # fmt: skip
-        self._find(now, state)
+        self._find(start, now, state)
 
     def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
         launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
