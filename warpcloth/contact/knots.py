@@ -19,6 +19,7 @@ class Knots:
 
     Attributes:
         crossed: where the passes of the response note that pairs are through each other.
+        wary: for how many more intervals knots are joined; int32, shape [world_count].
     """
 
     def __init__(self, model: Model, surface: Surface, pairs: PairList, clusters: Clusters):
