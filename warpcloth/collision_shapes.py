@@ -96,7 +96,8 @@ class CollisionShapes:
         ids, speeds = self._make_meshes(worlds, items)
         shapes.mesh = column(np.array(ids, np.uint64), wp.uint64)
         shapes.mesh_speed = column(speeds, real)
-        shapes.solid = column([not isinstance(o, MeshObstacle) or o.solid for o in items], wp.int32)
+        solid = {key: o.solid for key, o in {id(o): o for o in items}.items()}  # worlds may have one and the same mesh
+        shapes.solid = column([solid[id(o)] for o in items], wp.int32)
         shapes.thickness = column([o.thickness for o in items], real)
         shapes.friction = column([o.friction for o in items], real, requires_grad=self.kernels.differentiable)
         shapes.restitution = column([o.restitution for o in items], real, requires_grad=self.kernels.differentiable)

@@ -1,7 +1,6 @@
 """Obstacles: what cloth collides with, still or moving."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -60,6 +59,11 @@ class Obstacle(ReadOnly):
     def moves(self) -> bool:
         """Whether the obstacle is ever anywhere but in its initial place."""
         return self.motion is not None and self.motion.moves
+
+    @property
+    def solid(self) -> bool:
+        """Whether it has an inside."""
+        return True
 
     def matrix(self, t: float) -> np.ndarray:
         """The 4 × 4 matrix that takes the initial placement to time ``t`` [s]."""
@@ -226,9 +230,8 @@ class MeshObstacle(Obstacle):
     def centre(self) -> np.ndarray:
         return 0.5 * (self.points.min(axis=0) + self.points.max(axis=0))
 
-    @cached_property
+    @property
     def solid(self) -> bool:
-        """Whether it has an inside."""
         return has_inside(self.points, self.triangles)
 
     @property
