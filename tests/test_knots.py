@@ -70,7 +70,7 @@ def test_pairs_with_pins_are_left_to_the_guard():
 
 
 def test_a_heap_of_silk_comes_undone():
-    """Silk slides off a ball. Without knots particles were held back 648 times, the same again and again, and in finer
+    """Silk slides off a ball. Without knots particles were held back 466 times, the same again and again, and in finer
     cloth the heap hung in the air."""
     silk = wc.library_fabric("silk")
     cloth = wc.Cloth.grid((0.4, 0.4), (20, 20), silk, transform=(-0.09, -0.08, 0.33))
