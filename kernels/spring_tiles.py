@@ -32,13 +32,13 @@ class Tiles:
     offset: wp.array(dtype=wp.int32)
 
 
-def _sum_over_springs(vectors: tuple[str, ...], out: str, law: str, begin: str = "") -> str:
+def _sum_over_springs(vectors: tuple[str, ...], out: str, law: str, begin: str = "", end: str = "") -> str:
     """C++ that adds to the array ``out``, for the particles of block b, what each spring does to its ends.
 
     ``law`` works out g0, g1, g2, what a spring does to the particle that it leads from, and the opposite of what it
     does to the other; from the differences d0, d1, … of the components of all ``vectors`` between the two, and the
     spring's ``rest``, ``k_s``, ``k_d``. ``begin`` is an if: where it writes what sums begin with, instead of adding to
-    what is in ``out``.
+    what is in ``out``. ``end`` is done with the sums.
     """
     rows = range(3 * len(vectors))
     unpacked = "".join(
@@ -76,6 +76,7 @@ def _sum_over_springs(vectors: tuple[str, ...], out: str, law: str, begin: str =
         store(fz + i, load(fz + i) + sz);
     }}
     pack((R*)({out}.data + block[4]), count, fx + own, fy + own, fz + own);
+    {end}
     """)
 
 
@@ -96,6 +97,22 @@ _PULL = """
             const V rate = (d0 * d3 + d1 * d4 + d2 * d5) * inverse;
             const V pull = (k_s * (length - rest) + k_d * rate) * inverse;
             const V g0 = pull * d0, g1 = pull * d1, g2 = pull * d2;
+"""
+
+# advance of kernels/explicit_step.py with the sums as the only forces. What is read of other blocks stays as it was.
+_ADVANCE = f"""
+    R *const x_rows[3] = {{r0 + own, r1 + own, r2 + own}}, *const v_rows[3] = {{r3 + own, r4 + own, r5 + own}};
+    const R *const f_rows[3] = {{fx + own, fy + own, fz + own}};
+    for (int k = 0; k < count; k += {LANES}) {{
+        const V inv_mass = some(particle_inv_mass.data + block[4] + k, count - k);
+        for (int axis = 0; axis < 3; ++axis) {{
+            const V x = load(x_rows[axis] + k), v = load(v_rows[axis] + k), f = load(f_rows[axis] + k);
+            store(x_rows[axis] + k, inv_mass > 0 ? x + (drift * v + inv_mass * (position_weight * f)) : x);
+            store(v_rows[axis] + k, inv_mass > 0 ? v + inv_mass * (velocity_weight * f) : v);
+        }}
+    }}
+    pack((R*)(particle_q_out.data + block[4]), count, x_rows[0], x_rows[1], x_rows[2]);
+    pack((R*)(particle_qd_out.data + block[4]), count, v_rows[0], v_rows[1], v_rows[2]);
 """
 
 # spring_matrix of kernels/spring_hessian.py times a vector, whose difference is d6, d7, d8.
@@ -157,6 +174,67 @@ def pull_blocks(
         _pull(
             tiles, b, law, shared_law, shared_by, particle_mass, particle_world, world_gravity, particle_q, particle_qd,
             memory_out[slot], particle_f_out,
+        )  # fmt: skip
+
+
+@wp.func_native(_sum_over_springs(("particle_q", "particle_qd"), "particle_f_out", _PULL, _GRAVITY, _ADVANCE))
+def _pull_and_advance(
+    tiles: Tiles,
+    b: int,
+    law: wp.array(dtype=real),
+    shared_law: wp.array(dtype=vec3),
+    shared_by: wp.array(dtype=wp.int32),
+    particle_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    particle_inv_mass: wp.array(dtype=real),
+    world_gravity: wp.array(dtype=vec3),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    drift: real,
+    position_weight: real,
+    velocity_weight: real,
+    memory_out: wp.array(dtype=real),
+    particle_f_out: wp.array(dtype=vec3),
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+): ...
+
+
+@wp.kernel
+def advance_blocks(
+    # Model
+    thread_offset: int,
+    tiles: Tiles,
+    slot_start: wp.array(dtype=wp.int32),
+    law: wp.array(dtype=real),
+    shared_law: wp.array(dtype=vec3),
+    shared_by: wp.array(dtype=wp.int32),
+    particle_mass: wp.array(dtype=real),
+    particle_world: wp.array(dtype=wp.int32),
+    particle_inv_mass: wp.array(dtype=real),
+    # State in
+    world_gravity: wp.array(dtype=vec3),
+    particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
+    drift: real,
+    position_weight: real,
+    velocity_weight: real,
+    # Out
+    memory_out: wp.array2d(dtype=real),
+    particle_f_out: wp.array(dtype=vec3),
+    particle_q_out: wp.array(dtype=vec3),
+    particle_qd_out: wp.array(dtype=vec3),
+):
+    """:func:`pull_blocks` with gravity, then ``advance`` of ``kernels/explicit_step.py`` to *other* arrays.
+
+    To the same bits, but each block's particles are read once, and not again when they have left the cache.
+    """
+    slot = thread_offset + wp.tid()
+    for b in range(slot_start[slot], slot_start[slot + 1]):
+        _pull_and_advance(
+            tiles, b, law, shared_law, shared_by, particle_mass, particle_world, particle_inv_mass, world_gravity,
+            particle_q, particle_qd, drift, position_weight, velocity_weight, memory_out[slot], particle_f_out,
+            particle_q_out, particle_qd_out,
         )  # fmt: skip
 
 

@@ -109,6 +109,29 @@ def test_gravity_and_springs_at_once_are_the_same_bits():
     assert np.array_equal(state.particle_f.numpy(), expected)
 
 
+@pytest.mark.parametrize("integrator", ["symplectic_euler", "velocity_verlet"])
+def test_springs_that_move_their_particles_at_once_move_them_to_the_same_bits(integrator, monkeypatch):
+    cloths = [wc.Cloth.grid((1.0, 1.0), (33, 33), pins="top"), wc.Cloth.grid((0.5, 0.5), (21, 17), name="other")]
+    worlds = [([cloths[0]], []), (cloths, [])]
+    rest = wc.Model.build_worlds(worlds).particle_q.numpy()
+    start = rest + np.random.default_rng(2).normal(0.0, 1e-3, rest.shape)
+    at_once, taken = Forces.advance_at_once, []
+
+    def ends() -> list[bytes]:
+        sim = wc.Simulation(wc.Model.build_worlds(worlds), integrator, threads=2)
+        sim.state.particle_q.assign(start)
+        sim.run(2)
+        arrays = sim.state.particle_q, sim.state.particle_qd, sim.state.particle_f
+        assert np.isfinite(arrays[0].numpy()).all()
+        return [array.numpy().tobytes() for array in arrays]
+
+    monkeypatch.setattr(Forces, "advance_at_once", lambda *given: taken.append(at_once(*given)) or taken[-1])
+    together = ends()
+    monkeypatch.setattr(Forces, "advance_at_once", lambda *_: False)
+    assert any(taken)
+    assert ends() == together
+
+
 def test_particles_of_a_world_without_springs_fall_too():
     """Blocks are of worlds that have springs; where one has none, gravity goes by itself."""
     sheet = wc.Cloth.grid((0.3, 0.2), (9, 5))

@@ -1,7 +1,7 @@
 """Forces: terms over one model, summed by :class:`Forces`. A new one is a kernel file, a class and one line here."""
 
 from .air import AirDrag
-from .base import Differentiable, Forces, ForceTerm, Hessian, Linearization
+from .base import Differentiable, Forces, ForceTerm, Hessian, Linearization, Move
 from .bending import Bending
 from .block_matrix import Assembled, BlockMatrix
 from .grabs import Grabs
@@ -14,6 +14,6 @@ from .woven import Woven
 
 __all__ = [
     "ASSEMBLIES", "AirDrag", "AppliedForce", "Assembled", "Bending", "BlockMatrix", "Differentiable", "ForceTerm",
-    "Forces", "Grabs", "Hessian", "Linearization", "MassDamping", "Pressure", "Springs", "StrainLimit", "UserForce",
-    "Woven",
+    "Forces", "Grabs", "Hessian", "Linearization", "MassDamping", "Move", "Pressure", "Springs", "StrainLimit",
+    "UserForce", "Woven",
 ]  # fmt: skip

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import warp as wp
 
@@ -29,6 +29,14 @@ class Linearization:
     stiffness: float
     damping: float
     world_project: wp.array
+
+
+class Move(NamedTuple):
+    """How particles go on: x ← x + drift v + position_weight f/m, v ← v + velocity_weight f/m; in s, s² and s."""
+
+    drift: float
+    position_weight: float
+    velocity_weight: float
 
 
 class Hessian(Protocol):
@@ -107,10 +115,15 @@ class Jerking(Protocol):
 
 @runtime_checkable
 class Opening(Protocol):
-    """A force that can be worked out together with gravity: a :class:`ForceTerm` that, where it is the first, may."""
+    """A force that can be worked out together with gravity: a :class:`ForceTerm` that, where it is the first, may, and
+    where it is the only one may move the particles, too."""
 
     def begin(self, state: State, world_gravity: wp.array) -> bool:
         """Writes m g and the force [N] at ``state`` into ``particle_f``, whatever was there; False: does nothing."""
+        ...
+
+    def advance_alone(self, start: State, end: State, world_gravity: wp.array, move: Move) -> bool:
+        """The same at ``start``, and writes what it makes of the particles into ``end``; False: does nothing."""
         ...
 
 
@@ -205,6 +218,18 @@ class Forces:
             model.launch_particles("particles", "set_gravity_force", inputs, [state.particle_f])
         for term in terms:
             term.accumulate(state, time_offset)
+
+    def advance_at_once(self, start: State, end: State, move: Move) -> bool:
+        """:meth:`evaluate` at ``start`` and the move from there to ``end``, another state, in one pass over memory;
+        False: nothing was done, as not all that acts can be worked out so."""
+        only = self.terms[0] if len(self.terms) == 1 else None
+        if not isinstance(only, Opening) or start.particle_q.ptr == end.particle_q.ptr:
+            return False
+        if not only.advance_alone(start, end, self.world_gravity, move):
+            return False
+        self.evaluations += 1
+        self.latest = start.particle_f
+        return True
 
     def linearize(self, at: Linearization) -> None:
         """The start of many products at one state, with this very ``at``: what can be is computed once for all of them.

@@ -7,7 +7,7 @@ from ..launching import launch
 from ..model import Model
 from ..state import State
 from . import lanes as lanes_module
-from .base import Linearization
+from .base import Linearization, Move
 from .lanes import LaneLaws, Lanes, copies
 
 BLOCK_TO_REACH = 4  # particles, so that no more than a quarter of the springs is evaluated twice
@@ -84,6 +84,21 @@ class SpringTiles:
                 *self._inputs, model.particle_mass, model.particle_world, gravity, state.particle_q, state.particle_qd,
             ],
             outputs=[self._memory, state.particle_f],
+            device=model.device,
+        )  # fmt: skip
+
+    def advance(self, start: State, end: State, world_gravity: wp.array, move: Move) -> None:
+        """Writes m g and spring forces [N] into ``start.particle_f``, and what they make of the particles into ``end``,
+        another state."""
+        model = self.model
+        launch(
+            self._kernels.advance_blocks,
+            dim=len(self._slot_start) - 1,
+            inputs=[
+                *self._inputs, model.particle_mass, model.particle_world, model.particle_inv_mass, world_gravity,
+                start.particle_q, start.particle_qd, *move,
+            ],
+            outputs=[self._memory, start.particle_f, end.particle_q, end.particle_qd],
             device=model.device,
         )  # fmt: skip
 

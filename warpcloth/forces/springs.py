@@ -10,7 +10,7 @@ from ..launching import launch
 from ..model import Model
 from ..state import State
 from ..watch import Watch
-from .base import Linearization
+from .base import Linearization, Move
 from .lanes import in_lanes
 from .spring_rows import SpringRows
 from .spring_tiles import SpringTiles, arranged
@@ -58,11 +58,22 @@ class Springs:
 
     def begin(self, state: State, world_gravity: wp.array) -> bool:
         """Gravity and springs at once, if all are in tiles; see :class:`~warpcloth.forces.base.Opening`."""
+        part = self._whole()
+        if part is not None:
+            part.accumulate(state, world_gravity)
+        return part is not None
+
+    def advance_alone(self, start: State, end: State, world_gravity: wp.array, move: Move) -> bool:
+        """A kick and a drift, if all springs are in tiles; see :class:`~warpcloth.forces.base.Opening`."""
+        part = self._whole()
+        if part is not None:
+            part.advance(start, end, world_gravity, move)
+        return part is not None
+
+    def _whole(self) -> SpringTiles | None:
+        """The tiles that have all springs and all particles, if there are such."""
         part = self._parts[0] if len(self._parts) == 1 else None
-        if not (isinstance(part, SpringTiles) and part.has_all):
-            return False
-        part.accumulate(state, world_gravity)
-        return True
+        return part if isinstance(part, SpringTiles) and part.has_all else None
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds spring forces [N] to ``state.particle_f``."""

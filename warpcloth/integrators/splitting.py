@@ -14,7 +14,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from ..forces import Forces
+from ..forces import Forces, Move
 from ..kinematics import drive_pins
 from ..model import Model
 from ..state import State
@@ -34,6 +34,10 @@ class Stage(NamedTuple):
     kick: float
     drift: float
     inner: Tableau | None = FORWARD_EULER
+
+    def method(self, forces: Forces) -> Tableau | None:
+        """What the kick follows with these forces."""
+        return self.inner if forces.velocity_dependent else FORWARD_EULER
 
 
 class Splitting(Integrator):
@@ -66,9 +70,11 @@ class Splitting(Integrator):
         """All kicks and drifts; each has its end and its scratch memory, which may be the same ones for all."""
         now, time = start, 0.0
         for stage, end, stages in zip(self.sequence, ends, scratch, strict=True):
-            weights = self._kick(model, now, start, stages, forces, dt, time, stage)
-            drift = stage.drift * dt
-            advance(model, now, now.particle_f, stages, end, drift, weights, drift * weights)
+            kick, drift = stage.kick * dt, stage.drift * dt
+            simple = kick != 0.0 and not now.forces_current and stage.method(forces) is FORWARD_EULER
+            if not (simple and forces.advance_at_once(now, end, Move(drift, drift * kick, kick))):
+                weights = self._kick(model, now, start, stages, forces, dt, time, stage)
+                advance(model, now, now.particle_f, stages, end, drift, weights, drift * weights)
             time += drift
             if drift:
                 drive_pins(model, start.world_time, time, end.particle_q, end.particle_qd)
@@ -89,7 +95,7 @@ class Splitting(Integrator):
         h = stage.kick * dt
         if h == 0.0:
             return np.zeros(0)
-        inner = stage.inner if forces.velocity_dependent else FORWARD_EULER
+        inner = stage.method(forces)
         if inner is None:
             predicted = stages.scratch(1, start.world_time)
             advance(model, now, start.particle_f, stages, predicted, 0.0, [h])
