@@ -211,8 +211,9 @@ def add_blocks(
     rows_out: BlockRows,
 ):
     """Adds a K + b C, one thread per particle; the pair (k, j) of the n entries of element e is number
-    ``pair_start[e]`` + k n + j."""
+    ``pair_start[e]`` + k n + j. Its diagonal blocks are those of :func:`diagonal`, to the same bits."""
     i = thread_offset + wp.tid()
+    own = mat33()
     for row in range(row_start[i], row_start[i + 1]):
         e = row_element[row]
         k = row_entry[row]
@@ -225,3 +226,6 @@ def add_blocks(
             if s >= 0:
                 tangent = entry_tangent(elements.tangent, elements.turning, first + j)
                 rows_out.block[s] = rows_out.block[s] + entry_block(elements.weight[first + j], tangent, m)
+            elif first + j == k:
+                own += entry_block(elements.weight[k], entry_tangent(elements.tangent, elements.turning, k), m)
+    rows_out.diagonal[i] = rows_out.diagonal[i] + own

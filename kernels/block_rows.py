@@ -19,12 +19,16 @@ wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 @wp.struct
 class BlockRows:
-    """Row i has blocks ``start[i]`` to ``start[i + 1]``: A_ij in ``block``, j ≠ i in ``column``; D_i in ``own``."""
+    """Row i has blocks ``start[i]`` to ``start[i + 1]``: A_ij in ``block``, j ≠ i in ``column``; D_i in ``own``.
+
+    ``diagonal`` has A_ii of those terms that add it as well, which products do not need, but preconditioners do.
+    """
 
     start: wp.array(dtype=wp.int32)
     column: wp.array(dtype=wp.int32)
     block: wp.array(dtype=mat33)
     own: wp.array(dtype=mat33)
+    diagonal: wp.array(dtype=mat33)
 
 
 @wp.kernel
@@ -45,3 +49,17 @@ def multiply(
         apart = vector_at(x, int_at(rows.column, s)) - here
         total += matrix_at(rows.block, s) * apart
     product_out[i] = total
+
+
+@wp.kernel
+def add_diagonal(
+    # Model
+    thread_offset: int,
+    # State in
+    rows: BlockRows,
+    # Out
+    blocks_out: wp.array(dtype=mat33),
+):
+    """Adds the blocks A_ii."""
+    i = thread_offset + wp.tid()
+    blocks_out[i] = blocks_out[i] + rows.diagonal[i]

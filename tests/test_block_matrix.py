@@ -108,6 +108,26 @@ def test_a_common_motion_feels_nothing_between_particles():
     assert not product(sim, at, np.full((model.particle_count, 3), 1e3)).any()
 
 
+def test_a_diagonal_written_down_is_that_of_the_terms_themselves():
+    sim = disturbed(grid())
+    at, projected = linearization(sim, 0.0), sim.model.array([1.0], sim.model.real)
+
+    def diagonal(where: Linearization) -> np.ndarray:
+        out = wp.zeros(sim.model.particle_count, dtype=sim.model.kernels.precision.mat33, device=sim.model.device)
+        sim.forces.hessian_diagonal(where, out)
+        return out.numpy()
+
+    expected = diagonal(at.projected(projected))
+    sim.forces.linearize(at)
+    assert [term.name for term in sim.forces.blocks.with_diagonal] == ["bending"]
+    assert np.abs(sim.forces.blocks.rows.diagonal.numpy()).max() > 1e-6 * np.abs(expected).max()
+    assert np.array_equal(diagonal(at.projected(projected)), expected)
+    sim.forces.blocks.rows.diagonal.zero_()  # that it is read, and for this matrix only
+    assert not np.array_equal(diagonal(at.projected(projected)), expected)
+    for other in (linearization(sim, 1.0), linearization(sim, 0.0).projected(projected)):
+        assert np.array_equal(diagonal(other), expected)
+
+
 def test_another_state_or_matrix_is_not_taken_for_the_one_written_down():
     sim = disturbed(grid())
     x = np.random.default_rng(3).normal(size=(sim.model.particle_count, 3))

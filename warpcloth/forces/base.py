@@ -23,12 +23,18 @@ class Linearization:
         stiffness, damping: a and b.
         world_project: 1 for worlds in which each element's K is made positive semi-definite, else 0; of the model's
             scalar type, shape [world_count].
+        unlike: one of the same state, a and b, but perhaps not projected alike; None: none that is known.
     """
 
     state: State
     stiffness: float
     damping: float
     world_project: wp.array
+    unlike: "Linearization | None" = None
+
+    def projected(self, world_project: wp.array) -> "Linearization":
+        """The same, but for what is projected."""
+        return Linearization(self.state, self.stiffness, self.damping, world_project, self)
 
 
 class Move(NamedTuple):
@@ -150,6 +156,11 @@ class Blocks(Protocol):
 
     def multiply(self, at: Linearization, x: wp.array, out: wp.array) -> None: ...
 
+    @property
+    def with_diagonal(self) -> Sequence[Any]: ...
+
+    def add_diagonal(self, out: wp.array) -> None: ...
+
 
 class Forces:
     """Gravity and all force terms of a simulation.
@@ -252,8 +263,13 @@ class Forces:
 
     def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
         """Adds the 3×3 diagonal blocks of a K + b C of all terms to ``out``, mat33, shape [particle_count]."""
+        written: Sequence[Any] = ()
+        if self.blocks is not None and at.unlike is not None and self._linearized is at.unlike:
+            self.blocks.add_diagonal(out)
+            written = self.blocks.with_diagonal
         for term in self.terms:
-            term.hessian_diagonal(at, out)
+            if term not in written:
+                term.hessian_diagonal(at, out)
 
     def energy(self, state: State) -> dict[str, float]:
         """Potential energies [J] by name, gravity's (−Σ m g·x) included, summed over all worlds."""

@@ -36,6 +36,7 @@ class Bending:
     """
 
     name = "bending"
+    never_projected = True  # Gauss and Newton's matrix is positive semi-definite as it is
 
     def __init__(self, model: Model, assembly: str = "scatter", ranges: int = 1):
         self.model, self.elements = model, model.bending

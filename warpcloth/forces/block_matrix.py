@@ -38,6 +38,14 @@ class PartlyAssembled(Assembled, Protocol):
         ...
 
 
+@runtime_checkable
+class NeverProjected(Assembled, Protocol):
+    """A force whose matrix is the same, projected or not; its :meth:`add_blocks` adds the blocks (i, i) as well, to
+    ``rows.diagonal``, which its ``hessian_diagonal`` would work out once more."""
+
+    never_projected: bool
+
+
 class BlockMatrix:
     """Blocks of all the terms that are :class:`Assembled`.
 
@@ -50,6 +58,7 @@ class BlockMatrix:
 
     Attributes:
         terms: those whose matrix it is.
+        with_diagonal: those whose diagonal is written down, too.
     """
 
     def __init__(self, model: Model, terms: Sequence[ForceTerm]):
@@ -66,17 +75,19 @@ class BlockMatrix:
             for term, slot in zip(self.terms, slots, strict=True)
             if len(slot) == 0 or slot.max() >= 0
         ]
+        self.with_diagonal = [term for term, _ in self._written if isinstance(term, NeverProjected)]
         mat33 = kernels.precision.mat33
         self.rows = kernels.block_rows.BlockRows()
         self.rows.start = model.array(np.searchsorted(blocks, n * np.arange(n + 1)), wp.int32)
         self.rows.column = model.array(blocks % n, wp.int32)
         self.rows.block = wp.zeros(len(blocks), dtype=mat33, device=model.device)
-        self.rows.own = wp.zeros(n, dtype=mat33, device=model.device)
+        self.rows.own, self.rows.diagonal = (wp.zeros(n, dtype=mat33, device=model.device) for _ in range(2))
 
     def assemble(self, at: Linearization) -> None:
         """Adds up the matrix at a state."""
         fill(self.rows.block)
         fill(self.rows.own)
+        fill(self.rows.diagonal)
         for term, slots in self._written:
             term.add_blocks(at, slots, self.rows)
 
@@ -90,6 +101,13 @@ class BlockMatrix:
         for term in self.terms:
             if isinstance(term, PartlyAssembled):
                 term.multiply_rest(at, x, out)
+
+    def add_diagonal(self, out: wp.array) -> None:
+        """Adds to ``out`` the diagonal blocks of ``with_diagonal`` at the state that was assembled last."""
+        model = self.model
+        kernel = model.kernels.block_rows.add_diagonal
+        if self.with_diagonal:
+            launch(kernel, dim=model.particle_count, inputs=[self.rows], outputs=[out], device=model.device)
 
 
 def corner_pairs(triangles: np.ndarray) -> np.ndarray:

@@ -69,8 +69,7 @@ class ConjugateGradient:
     def _factor(self, forces: Hessian, at: Linearization) -> None:
         model = self.model
         fill(self._blocks)
-        projected = Linearization(at.state, at.stiffness, at.damping, self._projected)
-        forces.hessian_diagonal(projected, self._blocks)
+        forces.hessian_diagonal(at.projected(self._projected), self._blocks)
         masses = [model.particle_mass, model.particle_inv_mass]
         self._launch("invert_blocks", model.particle_count, masses, [self._blocks])
 
