@@ -17,3 +17,12 @@ def test_a_byte_order_mark_does_not_hide_the_first_vertex(tmp_path):
     (tmp_path / "square.obj").write_text(f"{SQUARE}v 9 9 9\nf 1 2 3 4\n", encoding="utf-8-sig")
     mesh = read_mesh(tmp_path / "square.obj")
     np.testing.assert_array_equal(mesh.points, [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+
+
+def test_solids_of_an_stl_file_are_one_mesh(tmp_path):
+    """There is no way to choose one of them, nor need there be."""
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 {z}\nvertex 1 0 {z}\nvertex 1 1 {z}\nendloop\nendfacet\n"
+    solids = [f"solid part{z}\n{facet.format(z=z)}endsolid part{z}\n" for z in (0, 1)]
+    (tmp_path / "parts.stl").write_text("".join(solids))
+    mesh = read_mesh(tmp_path / "parts.stl")
+    assert (mesh.name, len(mesh.points), area(mesh)) == ("parts", 6, 1.0)
