@@ -18,6 +18,7 @@ from ..usd.faces import changing_faces
 from ..usd.opening import world_matrix
 from ..usd.roles import REST_SHAPE, SIM_API, has_schema
 from ..usd.samples import as_vectors
+from ..usd.value_types import refuse_other_types
 from .materials import read_fabric
 from .notes import noted
 from .pins import MeshAnimation, read_pins
@@ -58,10 +59,12 @@ def read_cloth(
         springs: see :meth:`warpcloth.Cloth.from_mesh`; None: by its own attribute. A grid has its own.
 
     Raises:
-        UsdError: its topology changes, or its fabric or pins cannot be used; MeshError: it is not fit to be cloth.
+        UsdError: its topology changes, or its attributes, fabric or pins cannot be used; MeshError: it is not fit to
+            be cloth.
     """
-    _check_topology(mesh)
     prim = mesh.GetPrim()
+    refuse_other_types(prim)
+    _check_topology(mesh)
     animation = MeshAnimation.of(mesh, start)
     whole = prim_mesh(mesh, str(prim.GetPath()))
     rest, particle_of = replace(whole, points=_rest_points(mesh, whole)).weld()

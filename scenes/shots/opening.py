@@ -11,6 +11,7 @@ from warpcloth.errors import UsdError
 from warpcloth.meshes.stage_units import si_matrix
 
 from ..usd.opening import frame_rate, open_stage
+from ..usd.value_types import refuse_other_types
 from .notes import NOTES, agree, plain
 
 EARTH = 9.81  # [m/s²], what a physics scene means that does not say
@@ -51,7 +52,7 @@ def stage_tables(stage: Usd.Stage, fps: float | None = None) -> dict[str, Any]:
         fps: frames per second that its range of time codes is to be cut into; None: those that it says.
 
     Raises:
-        UsdError: its range of time codes is endless, or ends before it starts.
+        UsdError: its range of time codes is endless, or ends before it starts, or its gravity is no vector.
     """
     tables: dict[str, Any] = {"fps": frame_rate(stage) if fps is None else fps}
     if stage.HasAuthoredTimeCodeRange() and np.isfinite(tables["fps"]):
@@ -73,6 +74,7 @@ def stage_tables(stage: Usd.Stage, fps: float | None = None) -> dict[str, Any]:
 
 def gravity(scene: UsdPhysics.Scene) -> list[float]:
     """Acceleration of gravity [m/s²], Z up."""
+    refuse_other_types(scene.GetPrim())
     stage = scene.GetPrim().GetStage()
     to_si = si_matrix(stage)[:3, :3]
     metres = UsdGeom.GetStageMetersPerUnit(stage)

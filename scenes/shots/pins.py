@@ -14,6 +14,7 @@ from ..usd.moving import merged, path_codes
 from ..usd.opening import world_matrix
 from ..usd.rigid import are_rigid, rigid_motion
 from ..usd.skins import FIRST, PointSamples
+from ..usd.value_types import refuse_other_types
 from .motions import noted_motion
 
 FAMILY = "pins"
@@ -92,6 +93,7 @@ def read_pins(animation: MeshAnimation, first: np.ndarray, particle_of: np.ndarr
     following, led = [_primvar_pins(mesh, len(first))], []
     for subset in UsdGeom.Subset.GetAllGeomSubsets(mesh):
         if subset.GetFamilyNameAttr().Get() == FAMILY or subset.GetPrim().GetName() == FAMILY:
+            refuse_other_types(subset.GetPrim())
             indices = _subset_points(mesh, subset, len(first))
             motion = noted_motion(subset.GetPrim(), world_matrix(mesh.GetPrim(), animation.start))
             if motion is None:

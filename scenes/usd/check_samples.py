@@ -14,6 +14,7 @@ from .report import ClothCheck
 from .roles import REST_LENGTHS, REST_SHAPE, SPRINGS_ROLE, name_of, role_of
 from .samples import as_vectors
 from .surface import summed_area_vectors, summed_areas
+from .value_types import refuse_other_types
 from .velocity_fit import VelocityFit
 
 UNIT = 1e-3  # how far from 1 the length of a normal may be
@@ -34,6 +35,7 @@ class SampleCheck:
     """
 
     def __init__(self, prim: Usd.Prim):
+        refuse_other_types(prim)
         self.prim = prim
         self.shape = UsdGeom.PointBased(prim)
         self.mesh = UsdGeom.Mesh(prim) if prim.IsA(UsdGeom.Mesh) else None

@@ -16,6 +16,7 @@ from .opening import world_matrix
 from .rigid import ROUND_OFF, Frame, are_rigid, rigid_motion, split, unwound
 from .roles import OBSTACLE_ROLE, SIM_API, has_schema, name_of, numbers, role_of
 from .skins import FIRST, PointSamples
+from .value_types import refuse_other_types
 
 COLUMNS = {"X": 0, "Y": 1, "Z": 2}
 SECTIONS = 64  # faces around a cylinder or cone
@@ -61,6 +62,7 @@ def _enabled(prim: Usd.Prim) -> bool:
 
 def read_obstacle(prim: Usd.Prim, origin: float = 0.0) -> Obstacle:
     """One prim as an obstacle; arguments and errors as for :func:`read_obstacles`."""
+    refuse_other_types(prim)
     common = {"name": name_of(prim), **_material(prim), **numbers(prim, "thickness", "friction", "restitution")}
     color = UsdGeom.Gprim(prim).GetDisplayColorAttr().Get(FIRST)
     if color:
@@ -88,6 +90,7 @@ def _material(prim: Usd.Prim) -> dict[str, float]:
     material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0]
     if not material or not material.GetPrim().HasAPI(UsdPhysics.MaterialAPI):
         return {}
+    refuse_other_types(material.GetPrim())
     physics = UsdPhysics.MaterialAPI(material.GetPrim())
     attributes = {"friction": physics.GetDynamicFrictionAttr(), "restitution": physics.GetRestitutionAttr()}
     return {name: _constant(value) for name, value in attributes.items() if value.HasAuthoredValue()}

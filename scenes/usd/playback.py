@@ -17,6 +17,7 @@ from .obstacle_reader import read_obstacles
 from .opening import frame_rate, open_stage, world_matrix
 from .roles import NETWORK_ROLE, SIM_API, SPRINGS_ROLE, has_schema, name_of, numbers, role_of
 from .samples import as_vectors
+from .value_types import refuse_other_types
 
 PLAIN = (0.85, 0.82, 0.74)
 THIN = 0.001  # [m], of cloth that does not say
@@ -133,6 +134,7 @@ def can_play(path: str | os.PathLike) -> bool:
 
 
 def _cloth(prim: Usd.Prim) -> PlayedCloth:
+    refuse_other_types(prim)
     mesh, first = UsdGeom.Mesh(prim), Usd.TimeCode.EarliestTime()
     code = Usd.TimeCode.Default() if role_of(prim) else first
     rest = _points(prim, code)

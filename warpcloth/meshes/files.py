@@ -1,4 +1,4 @@
-"""PLY, STL, OFF and glTF through trimesh."""
+"""STL, OFF and glTF through trimesh."""
 
 from collections import defaultdict
 from functools import partial
@@ -14,7 +14,7 @@ from .trianglemesh import TriangleMesh
 
 
 def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
-    """The mesh in a PLY, STL, OFF, GLB or glTF file.
+    """The mesh in an STL, OFF, GLB or glTF file.
 
     Raises:
         MeshError: when trimesh cannot read it, or it holds several meshes (glTF) and none is chosen.
@@ -35,7 +35,8 @@ def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
         raise MeshError(
             f"The mesh file '{path.name}' is damaged or not {kind.upper()} (trimesh: {lines[0]})."
         ) from None
-    return mesh_of_scene(scene, path.stem, prim, join, Y_UP_TO_Z_UP if gltf else np.eye(4))
+    whole = join or not gltf  # solids of an STL file are parts of one thing, as groups of an OBJ file are
+    return mesh_of_scene(scene, path.stem, prim, whole, Y_UP_TO_Z_UP if gltf else np.eye(4))
 
 
 def mesh_of_scene(scene: Any, name: str, prim: str | None, join: bool, axes: np.ndarray) -> TriangleMesh:

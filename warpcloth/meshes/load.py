@@ -11,8 +11,8 @@ from .assets import resolve_asset
 from .trianglemesh import TriangleMesh
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-TRIMESH_SUFFIXES = (".ply", ".stl", ".off", ".glb", ".gltf")
-SUFFIXES = (".obj", *TRIMESH_SUFFIXES, *USD_SUFFIXES)
+TRIMESH_SUFFIXES = (".stl", ".off", ".glb", ".gltf")
+SUFFIXES = (".obj", ".ply", *TRIMESH_SUFFIXES, *USD_SUFFIXES)
 
 
 def read_mesh(path: Any, prim: str | None = None, *, join: bool = False) -> TriangleMesh:
@@ -67,6 +67,10 @@ def _read(file: Path, suffix: str, prim: str | None, join: bool) -> TriangleMesh
             from .obj import read_obj
 
             return read_obj(file)
+        if suffix == ".ply":
+            from .ply import read_ply
+
+            return read_ply(file)
         if suffix in USD_SUFFIXES:
             from .usd import read_usd
 
