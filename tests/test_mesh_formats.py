@@ -23,6 +23,14 @@ def test_a_byte_order_mark_does_not_hide_the_first_vertex(tmp_path):
     np.testing.assert_array_equal(mesh.points, [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
 
 
+@pytest.mark.parametrize("between", ["\n", "\r\n", "\r"])
+def test_only_ends_of_lines_end_the_lines_of_an_obj_file(tmp_path, between):
+    """In a comment there may be anything, also what Unicode calls a line separator."""
+    lines = ["# caf\x85 v 9 9 9 \u2028 v 8 8 8", *SQUARE.splitlines(), "f 1 2 3 4", ""]
+    (tmp_path / "square.obj").write_bytes(between.join(lines).encode())
+    assert read_mesh(tmp_path / "square.obj").points.max() == 1.0
+
+
 def test_solids_of_an_stl_file_are_one_mesh(tmp_path):
     """There is no way to choose one of them, nor need there be."""
     facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 {z}\nvertex 1 0 {z}\nvertex 1 1 {z}\nendloop\nendfacet\n"

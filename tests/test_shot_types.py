@@ -3,6 +3,7 @@
 import pytest
 from pxr import Sdf, Usd, UsdPhysics
 from shot_files import add_ball, add_cloth, new_stage, pin_points
+from warpcloth.scenes.shots.opening import EARTH, gravity
 
 from warpcloth.cli import run
 
@@ -76,3 +77,11 @@ def test_precision_is_nobodys_fault(tmp_path):
     stage.SetEndTimeCode(1)
     stage.Save()
     assert run(["simulate", str(tmp_path / "shot.usda"), "--device", "cpu", "-o", str(tmp_path / "out.usda")]) == 0
+
+
+def test_what_is_blocked_says_nothing(tmp_path):
+    stage = shot(tmp_path)
+    scene = UsdPhysics.Scene.Get(stage, "/World/Physics")
+    for attribute in (scene.CreateGravityMagnitudeAttr(1.62), scene.CreateGravityDirectionAttr((1.0, 0.0, 0.0))):
+        attribute.Block()
+    assert gravity(scene) == [0.0, 0.0, -EARTH]

@@ -78,9 +78,10 @@ def gravity(scene: UsdPhysics.Scene) -> list[float]:
     stage = scene.GetPrim().GetStage()
     to_si = si_matrix(stage)[:3, :3]
     metres = UsdGeom.GetStageMetersPerUnit(stage)
-    strength = float(scene.GetGravityMagnitudeAttr().Get())
-    strength = strength * metres if np.isfinite(strength) and strength >= 0.0 else EARTH
-    direction = to_si @ np.array(scene.GetGravityDirectionAttr().Get(), float) / metres
+    magnitude, direction = scene.GetGravityMagnitudeAttr().Get(), scene.GetGravityDirectionAttr().Get()
+    told = magnitude is not None and np.isfinite(magnitude) and magnitude >= 0.0
+    strength = float(magnitude) * metres if told else EARTH
+    direction = to_si @ np.array((0.0, 0.0, 0.0) if direction is None else direction, float) / metres
     length = float(np.linalg.norm(direction))
     return (strength * (direction / length if length > 0.0 else np.array([0.0, 0.0, -1.0]))).tolist()
 

@@ -72,7 +72,7 @@ def _from_end(index: int, count: int) -> int:
 def _statements(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line numbers and words of "v", "vt" and "f" statements, continuation lines joined."""
     try:
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+        lines = path.read_text(encoding="utf-8-sig", errors="replace").split("\n")
     except OSError as error:
         raise MeshError(f"The mesh file '{path}' cannot be read: {error.strerror}.") from None
     pending = ""
