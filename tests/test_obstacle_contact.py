@@ -181,6 +181,20 @@ def test_what_rests_does_not_bounce():
     assert np.abs(sim.state.particle_qd.numpy()).max() < 1e-6
 
 
+@pytest.mark.parametrize("shape", ["plane", "box", "mesh"])
+def test_friction_takes_from_the_way_only_what_follows_the_contact(shape):
+    """Cloth thrown flat at a floor, μ = 0.5, meets it after 40 % of a step."""
+    obstacle, _ = RESTS[shape]
+    height, dt = 0.002 + obstacle.thickness, 1.0 / 60.0
+    cloth = patch(transform=(0, 0, height + 0.4 * dt), velocity=(2.0, 0.0, -1.0))
+    sim = wc.Simulation(wc.Model.build(cloth, obstacle, precision="float64"), "xpbd", (0, 0, 0), substeps=1)
+    start = sim.state.particle_q.numpy().copy()
+    sim.step(dt)
+    moved = sim.state.particle_q.numpy() - start
+    assert np.abs(moved - dt * np.array([2.0 - 0.6 * 0.5, 0.0, -0.4])).max() < 1e-6
+    assert np.abs(sim.state.particle_qd.numpy() - [1.5, 0.0, 0.0]).max() < 2e-4  # meshes are in float32
+
+
 def test_cloth_rides_on_a_moving_obstacle_without_slipping():
     motion = wc.Motion.keyframes([(0, (0, 0, 0)), (2, (0.5, 0, 0.2), (0, 0, 1.0))], interpolation="smooth")
     box = wc.Box((0, 0, -0.5), (2, 2, 1), motion=motion)
