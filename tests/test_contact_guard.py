@@ -44,7 +44,7 @@ def limited(model: wc.Model, ends: np.ndarray, fraction: float, carrier: int) ->
         model.kernels.contact_guard.limit_by_shapes,
         dim=n,
         inputs=[
-            model.particle_inv_mass, model.particle_world, model.particle_radius, model.shapes.shapes,
+            model.particle_world, model.particle_radius, model.shapes.shapes,
             wp.array(ends, dtype=model.vec3), wp.clone(fractions), wp.clone(carriers), places(model),
         ],
         outputs=[fractions, carriers, changed],
@@ -117,7 +117,7 @@ def test_a_cluster_goes_by_the_mean_motion_of_its_mass_be_that_tons():
     wp.launch(find, dim=4, inputs=[model.particle_inv_mass, start, now, parent], outputs=[clusters])
     fraction, carrier = wp.zeros(4, dtype=wp.float64), wp.full(4, FREE, dtype=wp.int32)
     rests = [places(model), places(model)]
-    inputs = [0, 4, start, now, fraction, carrier, clusters, *rests]
+    inputs = [0, start, now, fraction, carrier, clusters, *rests]
     wp.launch(model.kernels.contact_guard.find_ends, dim=4, inputs=inputs, outputs=[ends])
     way = ends.numpy() - start.numpy()
     assert way[:, 2] == pytest.approx([0.1, 0.1, 0.1, 0.0])
