@@ -119,7 +119,6 @@ def carried_way(
 def find_ends(
     # Model
     thread_offset: int,
-    cloth_particles: int,
     # State in
     particle_from: wp.array(dtype=vec3),
     particle_to: wp.array(dtype=vec3),
@@ -131,33 +130,25 @@ def find_ends(
     # Out
     particle_end_out: wp.array(dtype=vec3),
 ):
-    """Where particles end that leave home by a fraction of their way only; obstacles are where they must be."""
+    """Where particles end that leave home by a fraction of their way only: none of those that go as they must."""
     i = thread_offset + wp.tid()
     particle_end_out[i] = particle_to[i]
     f = fraction[i]
-    if i < cloth_particles and f < wp.float64(1.0):
+    if f < wp.float64(1.0):
         x = particle_from[i]
         home = wide(x) + carried_way(i, x, carrier[i], clusters, place_from, place_to)
         particle_end_out[i] = narrow(home + f * (wide(particle_to[i]) - home))
 
 
 @wp.func
-def rigid(
-    i: wp.vec4i,
-    particle_inv_mass: wp.array(dtype=real),
-    fraction: wp.array(dtype=wp.float64),
-    carrier: wp.array(dtype=wp.int32),
-):
+def rigid(i: wp.vec4i, carrier: wp.array(dtype=wp.int32)):
     """Whether all four move as one: they then come nearer by the sagitta of a turn at most, and never meet.
 
-    ``REST`` says nothing: points of deforming meshes and pins that are led from outside have it, too, and do not rest.
+    What gets a carrier is at home by then. ``REST`` says nothing: points of deforming meshes and pins that are led from
+    outside have it, too, and do not rest.
     """
-    for m in range(4):
-        s = carrier[i[m]]
-        moves = particle_inv_mass[i[m]] > real(0.0) and fraction[i[m]] > wp.float64(0.0)
-        if moves or s <= REST or s != carrier[i[0]]:
-            return False
-    return True
+    s = carrier[i[0]]
+    return s > REST and carrier[i[1]] == s and carrier[i[2]] == s and carrier[i[3]] == s
 
 
 @wp.kernel
@@ -188,7 +179,7 @@ def limit_motion(
     """
     for k in range(wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
-        if rigid(i, particle_inv_mass, fraction, carrier):
+        if rigid(i, carrier):
             continue
         x0 = wide(particle_from[i[0]])
         x1 = wide(particle_from[i[1]])
@@ -231,7 +222,6 @@ def limit_motion(
 @wp.kernel
 def limit_by_shapes(
     # Model
-    particle_inv_mass: wp.array(dtype=real),
     particle_world: wp.array(dtype=wp.int32),
     particle_radius: wp.array(dtype=real),
     shapes: Shapes,
@@ -251,7 +241,7 @@ def limit_by_shapes(
     """
     i = wp.tid()
     f = fraction[i]
-    if f == wp.float64(1.0) or particle_inv_mass[i] == real(0.0):
+    if f == wp.float64(1.0):
         return
     w = particle_world[i]
     for s in range(shapes.world_start[w], shapes.world_start[w + 1]):

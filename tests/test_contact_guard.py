@@ -44,7 +44,7 @@ def limited(model: wc.Model, ends: np.ndarray, fraction: float, carrier: int) ->
         model.kernels.contact_guard.limit_by_shapes,
         dim=n,
         inputs=[
-            model.particle_inv_mass, model.particle_world, model.particle_radius, model.shapes.shapes,
+            model.particle_world, model.particle_radius, model.shapes.shapes,
             wp.array(ends, dtype=model.vec3), wp.clone(fractions), wp.clone(carriers), places(model),
         ],
         outputs=[fractions, carriers, changed],
@@ -117,7 +117,7 @@ def test_a_cluster_goes_by_the_mean_motion_of_its_mass_be_that_tons():
     wp.launch(find, dim=4, inputs=[model.particle_inv_mass, start, now, parent], outputs=[clusters])
     fraction, carrier = wp.zeros(4, dtype=wp.float64), wp.full(4, FREE, dtype=wp.int32)
     rests = [places(model), places(model)]
-    inputs = [0, 4, start, now, fraction, carrier, clusters, *rests]
+    inputs = [0, start, now, fraction, carrier, clusters, *rests]
     wp.launch(model.kernels.contact_guard.find_ends, dim=4, inputs=inputs, outputs=[ends])
     way = ends.numpy() - start.numpy()
     assert way[:, 2] == pytest.approx([0.1, 0.1, 0.1, 0.0])
@@ -139,3 +139,22 @@ def test_each_group_of_pins_that_moves_is_a_carrier_of_its_own():
         matrix = pin.motion.matrix(0.5, held.points[pin.indices].mean(axis=0))
         assert place["position"] == pytest.approx(matrix[:3, 3], abs=1e-6)
         assert place["rotation"] == pytest.approx(matrix[:3, :3], abs=1e-6)
+
+
+def test_free_particles_in_solids_of_their_world_are_pinched():
+    """Pins are led where they are, and rounding is no depth."""
+    ball = wc.Sphere((0.0, 0.0, 0.0), 0.2)
+    held = wc.Cloth.grid((0.1, 0.1), (2, 2), pins=[[0]])
+    model = wc.Model.build_worlds([([held], [ball]), ([held], [])], precision="float64")
+    heights = np.array([0.1, 0.1, 0.2 - 0.5e-4, 0.2 - 2e-4] * 2)
+    q = wp.array(np.outer(heights, (0.0, 0.0, 1.0)), dtype=model.vec3)
+    model.shapes.place(model.tracks, wp.zeros(2, dtype=wp.float64), 0.0)
+    counts = wp.zeros(4, dtype=wp.int32)
+    solids = [model.particle_inv_mass, model.particle_world, model.shapes.shapes]
+    wp.launch(
+        model.kernels.contact_guard.count_pinched,
+        dim=8,
+        inputs=[0, *solids, q, model.shapes.end],
+        outputs=[counts],
+    )
+    assert counts.numpy().tolist() == [0, 2, 0, 0]

@@ -8,7 +8,7 @@ import ipctk
 import numpy as np
 import pytest
 import warp as wp
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from warpcloth.kernels import KernelSet
 
@@ -97,6 +97,7 @@ def _solve(system):
 
 @settings(max_examples=150)
 @given(st.lists(st.integers(-2, 2), min_size=18, max_size=18), st.sampled_from([1.0, 2.0**-20, 1024.0]))
+@example([0, 0, 0, 1, 1, 1, 2, 2, 2, -2, -2, -2, -1, -1, -1, 2, 1, 2], 1.0)  # without area, and ahead of an edge
 def test_touching_coplanar_and_degenerate_pairs_are_exact(values, scale):
     """On so small a grid nearly all pairs touch, share a plane, or have no area."""
     points = np.array(values, float).reshape(6, 3)

@@ -1,6 +1,7 @@
 """Knots: what a step leaves through each other goes on as one, in its own world alone, and heaps come undone."""
 
 import numpy as np
+import warp as wp
 
 import warpcloth as wc
 from warpcloth.contact.cloth_contact import ClothContact
@@ -67,6 +68,15 @@ def test_pairs_with_pins_are_left_to_the_guard():
     wanted = end.particle_q.numpy().copy()
     join(cloths, end, [1, 1])
     assert np.array_equal(end.particle_q.numpy(), wanted)  # each triangle has a pin
+
+
+def test_knots_are_joined_for_a_while_in_worlds_in_which_the_guard_has_held_something():
+    knots, left = crossing_sheets([])[0].knots, []
+    knots.be_wary(wp.array([0, 1], dtype=wp.int32, device="cpu"))
+    for _ in range(32):
+        left.append(knots.wary.numpy().tolist())
+        knots.begin()
+    assert left == [[0, 30 - k] for k in range(31)] + [[0, 0]]
 
 
 def test_a_heap_of_silk_comes_undone():

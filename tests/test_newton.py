@@ -226,7 +226,7 @@ def test_reset_with_a_world_mask(name):
     for _ in range(3):
         solver.step(now, later, None, None, 2e-3)
         now, later = later, now
-    end = now.particle_q.numpy()
+    end = now.particle_q.numpy().copy()
     np.testing.assert_array_equal(end, np.where(world[:, None] == 1, fresh, longer))
     solver.reset(now, flags=newton.StateFlags.PARTICLE_QD)
     np.testing.assert_array_equal(now.particle_q.numpy(), end)

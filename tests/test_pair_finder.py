@@ -165,6 +165,46 @@ def test_all_pairs_that_start_near_are_found(finder, seed):
     assert expected <= found
 
 
+@settings(max_examples=6)
+@given(seed=st.integers(0, 10**6), speed=st.floats(0.0, 0.5))
+def test_all_edges_that_come_near_each_other_are_found(finder, seed, speed):
+    """Once each, against all pairs of edges at four times of their way."""
+    rng = np.random.default_rng(seed)
+    start = crumpled(rng)
+    end = start + (start[:, :1] < 0.5) * rng.normal(scale=speed, size=3) + rng.normal(scale=0.02, size=start.shape)
+    rows = [row for row in look(*finder, start, end, fans=False) if row[0] == 1]
+    found = {frozenset((frozenset(row[1:3]), frozenset(row[3:]))) for row in rows}
+    assert len(found) == len(rows)
+    triangles = finder[2].tri_indices.numpy()[: finder[2].cloth_tris]
+    edges = np.unique(np.sort(np.stack([triangles, np.roll(triangles, 1, axis=1)], axis=-1).reshape(-1, 2)), axis=0)
+    one, two = (edges[k] for k in np.triu_indices(len(edges), 1))
+    free = (one[:, :, None] != two[:, None]).all(axis=(1, 2))
+    one, two, near = one[free], two[free], 0
+    for s in (0.0, 0.3, 0.6, 1.0):
+        points = start + s * (end - start)
+        close = edge_distances(points[one], points[two]) < 0.999 * MARGIN
+        ends = zip(one[close].tolist(), two[close].tolist(), strict=True)
+        expected = {frozenset((frozenset(a), frozenset(b))) for a, b in ends}
+        assert expected <= found
+        near += len(expected)
+    assert near > 0 or speed < 0.1
+
+
+def edge_distances(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Of segments with ends of shape [n, 2, 3]: where lines are nearest if that is within both, else from some end."""
+    u, v, r = one[:, 1] - one[:, 0], two[:, 1] - two[:, 0], one[:, 0] - two[:, 0]
+    uu, vv, uv, ur, vr = (np.sum(x * y, axis=1) for x, y in ((u, u), (v, v), (u, v), (u, r), (v, r)))
+    lines = np.maximum(uu * vv - uv * uv, 1e-12 * uu * vv)
+    s, t = (uv * vr - vv * ur) / lines, (uu * vr - uv * ur) / lines
+    within = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
+    gaps = [np.where(within, np.linalg.norm(r + s[:, None] * u - t[:, None] * v, axis=1), np.inf)]
+    for (p, q), k in itertools.product(((one, two), (two, one)), (0, 1)):
+        way, ahead = p[:, k] - q[:, 0], q[:, 1] - q[:, 0]
+        at = np.clip(np.sum(way * ahead, axis=1) / np.sum(ahead * ahead, axis=1), 0.0, 1.0)
+        gaps.append(np.linalg.norm(way - at[:, None] * ahead, axis=1))
+    return np.min(gaps, axis=0)
+
+
 @settings(max_examples=10)
 @given(seed=st.integers(0, 10**6), speed=st.floats(0.0, 2.0))
 def test_all_pairs_that_come_near_on_their_way_are_found(finder, seed, speed):

@@ -52,6 +52,17 @@ def test_a_thin_rod_that_moves_takes_cloth_along(integrator):
     assert sim.state.particle_q.numpy()[near, 1] > 0.2
 
 
+@pytest.mark.parametrize("substeps", [4, 24])
+def test_a_thin_rod_that_moves_along_itself_takes_cloth_along_by_friction(substeps):
+    """Of the sheet on it only triangles and edges touch the rod; μ g = 4.9 m/s², so after 0.1 s it moves as the rod."""
+    sheet = wc.Cloth.grid((0.4, 0.4), (5, 5), transform=(0.03, 0.03, 0.009))
+    way = wc.Motion.keyframes([(0, (0, 0, 0)), (1.0, (0.4, 0, 0))])
+    rod = wc.Capsule((-0.6, 0.0, 0), (0.6, 0.0, 0), 0.008, motion=way)
+    sim = touching(wc.Model.build(sheet, rod), integrator="xpbd", substeps=substeps)
+    sim.run(15)
+    assert sim.state.particle_qd.numpy()[:, 0].mean() == pytest.approx(0.4, rel=0.1)
+
+
 def test_rods_and_balls_larger_than_cells_have_no_facets():
     """Particles keep those out, and pairs of many small triangles would cost much."""
     obstacles = [(0, wc.Sphere(radius=r), -1) for r in (0.09, 0.11)] + [(1, wc.Sphere(radius=0.09), -1)]

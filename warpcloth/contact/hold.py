@@ -90,8 +90,7 @@ class Hold:
         self._launch(
             kernels.find_ends, surface.particle_count,
             [
-                surface.cloth_particles, start, now, self._fraction, self._carrier, self.clusters.sums,
-                self._place_from, self._place_to,
+                start, now, self._fraction, self._carrier, self.clusters.sums, self._place_from, self._place_to,
             ],
             [self._end],
         )  # fmt: skip
@@ -109,8 +108,7 @@ class Hold:
         self._launch(
             kernels.limit_by_shapes, model.particle_count,
             [
-                surface.inv_mass, surface.world, surface.radius, shapes.shapes, self._end, self._fraction,
-                self._carrier, self._place_to,
+                surface.world, surface.radius, shapes.shapes, self._end, self._fraction, self._carrier, self._place_to,
             ],
             [self._next_fraction, self._next_carrier, self._changed],
         )  # fmt: skip
