@@ -65,3 +65,12 @@ def test_solids_somewhat_larger_than_cloth_are_in_the_picture_side_by_side(tmp_p
     assert seen.mean() > 0.2
     assert not any(edge.any() for edge in (seen[0], seen[-1], seen[:, 0], seen[:, -1]))
     assert not seen[:, seen.shape[1] // 2].any()
+
+
+def test_networks_are_in_the_picture(tmp_path):
+    sweep = 'scene = "pendulum"\ndesign = "grid"\n[[parameter]]\npath = "network.k_s"\nvalues = [200.0, 300.0]\n'
+    sweep += '[[parameter]]\npath = "frames"\nvalues = [2]\n[[parameter]]\npath = "network.width"\nvalues = [0.1]\n'
+    batch, _ = simulated(written(tmp_path, sweep), tmp_path / "batch", worlds=1)
+    left, right = np.array_split(np.asarray(Image.open(write_sheet(batch))), 2, axis=1)
+    assert (left.std(axis=(0, 1)) > 5.0).all()
+    assert (right.std(axis=(0, 1)) > 5.0).all()

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..obstacles import Plane
-from ..render.solids import SolidShape
-from ..scenes.usd.playback import Playback
+from ..render.solids import SolidShape, ball_surface, rod_surface
+from ..render.surface import Surface
+from ..scenes.usd.playback import PlayedNetwork, Playback
 from ..scenes.usd.surface import vertex_normals
 from .assembly import drape_file
 from .extra import needed
@@ -21,6 +22,8 @@ MOST = 100  # drapes in a picture; of more, evenly chosen ones
 PIXELS = 200  # of a drape, along the row
 GAP = 1.15
 ELEVATION = 50.0  # [°] of the camera
+
+Part = tuple[np.ndarray, np.ndarray, Any]  # points [m], shape [n, 3]; triangles, shape [m, 3]; linear colour
 
 
 def write_sheet(folder: BatchFolder) -> Path | None:
@@ -57,18 +60,17 @@ def write_sheet(folder: BatchFolder) -> Path | None:
 
 
 class _Tile:
-    """One drape at its end: cloth and solids as triangles, about the middle of the cloth and on a plate at height 0."""
+    """One drape at its end: cloth, networks and solids as triangles, to be drawn on a plate at height 0."""
 
     def __init__(self, index: int, file: Path):
         self.index = index
         playback = Playback(file)
         end = playback.frames - 1
         cloths = [(playback.points(cloth, end), cloth.triangles, cloth.color) for cloth in playback.cloths]
-        surfaces = [
-            SolidShape(item).place(playback.time(end)) for item in playback.obstacles if not isinstance(item, Plane)
-        ]
-        solids = [(surface.points, surface.triangles, surface.albedo) for surface in surfaces]
-        self.parts: list[tuple[np.ndarray, np.ndarray, Any]] = [*cloths, *solids]
+        cloths += [_as_part(piece) for network in playback.networks for piece in _pieces(playback, network, end)]
+        shapes = [SolidShape(item) for item in playback.obstacles if not isinstance(item, Plane)]
+        solids = [_as_part(shape.place(playback.time(end))) for shape in shapes]
+        self.parts: list[Part] = [*cloths, *solids]
         low, high = _bounds(cloths)
         middle, extent = 0.5 * (low + high), float((high - low).max())
         for solid in solids:  # what is much larger, such as a table, reaches out of its place
@@ -96,7 +98,19 @@ class _Tile:
         )  # fmt: skip
 
 
-def _bounds(parts: Sequence[tuple[np.ndarray, np.ndarray, Any]]) -> tuple[np.ndarray, np.ndarray]:
+def _as_part(surface: Surface) -> Part:
+    return surface.points, surface.triangles, surface.albedo
+
+
+def _pieces(playback: Playback, network: PlayedNetwork, frame: int) -> list[Surface]:
+    """Balls and rods."""
+    balls = zip(playback.points(network, frame), network.radii, strict=True)
+    pieces = [ball_surface(*ball, network.ball_color) for ball in balls]
+    ends = playback.segments(network, frame)
+    return pieces + [rod_surface(a, b, 0.5 * network.width, network.spring_color) for a, b in ends]
+
+
+def _bounds(parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest coordinates of surfaces [m], shape [3]; about the origin if there are none."""
     points = np.concatenate([part[0] for part in parts] or [np.zeros((1, 3))])
     return points.min(axis=0), points.max(axis=0)
