@@ -89,6 +89,20 @@ def test_the_last_motion_is_that_of_pins_and_obstacles():
     assert prepared(motion=f"{MOVES}\nmotion.loop = true").last_motion == math.inf
 
 
+@pytest.mark.parametrize(
+    ("air", "goes_on"),
+    [
+        ("1.2", False),
+        ("1.2\nwind = [0, 0.3, 0]", False),
+        ("1.2\nwind = [0, 0.3, 0]\ngust = 1.0", True),
+        ("1.2\nturbulence = 0.1", True),
+    ],
+)
+def test_a_wind_that_changes_is_never_over(air, goes_on):
+    """Cloth that hangs still in a lull has not come to its end."""
+    assert (prepared(air=air).last_motion == math.inf) == goes_on
+
+
 def test_a_sample_does_not_rest_before_the_last_motion_and_its_pose_says_how_it_was_made(tmp_path, monkeypatch):
     """The others go on without those that have ended."""
     sizes = []
