@@ -143,6 +143,8 @@ UNIFORM = 'path = "cloth.0.position.2"\nuniform = [0.3, 0.5]'
         ('path = "cloth.0.size.0"\nvalues = [1, nan]', "count = 1", "finite numbers among its values, and item 1 is"),
         ('path = "cloth.0"\nvalues = [{ size = [inf, 1] }]', "count = 1", "parameter.0 must have only finite numbers"),
         ('path = "obstacle.0.path"\nglob = "*.nothing"', "count = 1", "no file matches the pattern"),
+        ('path = "obstacle.0.path"\nglob = ""', "count = 1", "no file matches the pattern '' of"),
+        ('path = "obstacle.0.path"\nglob = "a**b/*"', "count = 1", "no file matches the pattern"),
         (f"{UNIFORM}\n[[parameter]]\n{UNIFORM}", "count = 1", "only one .* for 'cloth.0.position.2'"),
         (
             f'{UNIFORM}\n[[parameter]]\npath = "cloth.0.position"\nvalues = [[0, 0, 1]]',

@@ -182,7 +182,10 @@ def _with_files(parameter: ParameterTable, folder: Path) -> ParameterTable:
         return parameter
     pattern = Path(parameter.glob).expanduser()
     root = Path(pattern.anchor) if pattern.is_absolute() else folder
-    files = sorted(str(path) for path in root.glob(str(pattern.relative_to(pattern.anchor))) if path.is_file())
+    try:
+        files = sorted(str(path) for path in root.glob(str(pattern.relative_to(pattern.anchor))) if path.is_file())
+    except (ValueError, IndexError):  # patterns that pathlib knows nothing to do with, such as "" and "a**"
+        files = []
     if not files:
         raise SceneError(f"no file matches the pattern {parameter.glob!r} of the parameter {parameter.path!r}")
     return parameter.model_copy(update={"glob": None, "values": files})
