@@ -100,6 +100,15 @@ def test_whole_tables_and_fields_within_them(tmp_path):
     assert sweep.sample(0).scene.obstacle[0].rotation == (0.0, 0.0, 45.0)
 
 
+def test_whole_lists_of_tables_and_fields_within_them(tmp_path):
+    sweep = sweep_of(
+        tmp_path,
+        'path = "obstacle"\nvalues = [[{ shape = "box", center = [0, 0, 0.1], size = [1, 1, 0.2] }]]',
+        'path = "obstacle.0.rotation.2"\nvalues = [45.0]',
+    )
+    assert sweep.sample(0).scene.obstacle[0].rotation == (0.0, 0.0, 45.0)
+
+
 def test_files_by_pattern_are_found_beside_the_sweep(tmp_path):
     (tmp_path / "meshes").mkdir()
     for name in ("b.obj", "a.obj", "c.ply"):

@@ -90,7 +90,7 @@ class Sweep:
             data["seed"] = int(np.random.SeedSequence([self.table.seed, index]).generate_state(1)[0])
             for path, value in parameters.items():
                 assign(data, path, copy.deepcopy(value))
-                if isinstance(value, dict):  # a whole table: complete it, for later parameters to change
+                if _has_tables(value):  # complete them, for later parameters to change
                     data = _complete(scene_from_data(_absolute(data, self.folder)))
             scene = scene_from_data(_absolute(data, self.folder), name="scene", folder=Path("/"))
         except SceneError as error:
@@ -189,6 +189,10 @@ def _with_files(parameter: ParameterTable, folder: Path) -> ParameterTable:
     if not files:
         raise SceneError(f"no file matches the pattern {parameter.glob!r} of the parameter {parameter.path!r}")
     return parameter.model_copy(update={"glob": None, "values": files})
+
+
+def _has_tables(value: Any) -> bool:
+    return isinstance(value, dict) or (isinstance(value, list) and any(isinstance(item, dict) for item in value))
 
 
 def _complete(scene: Scene) -> dict[str, Any]:
