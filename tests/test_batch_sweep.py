@@ -170,6 +170,16 @@ def test_what_is_wrong_is_said_before_any_work(tmp_path, parameter, head, messag
         sweep_of(tmp_path, parameter, head=head).check()
 
 
+def test_a_sweep_is_the_same_whichever_way_its_file_is_named(tmp_path, monkeypatch):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "sweeps").mkdir()
+    (tmp_path / "link").symlink_to("sweeps")
+    sweep = load_sweep(written(tmp_path / "sweeps"))
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    for name in ("../sweeps/sweep.toml", "../link/sweep.toml", "./../elsewhere/../sweeps/sweep.toml"):
+        assert load_sweep(name).identity == sweep.identity
+
+
 def test_a_missing_sweep_or_scene_names_what_is_near(tmp_path):
     written(tmp_path)
     with pytest.raises(SceneError, match=r"no sweep file .*; did you mean 'sweep.toml'"):

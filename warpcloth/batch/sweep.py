@@ -150,6 +150,7 @@ def load_sweep(path: str | Path, overrides: Iterable[str] = ()) -> Sweep:
     if file.suffix != ".toml" or not file.is_file():
         near = [p.name for p in file.parent.glob("*.toml")] if file.parent.is_dir() else []
         raise SceneError(f"there is no sweep file {str(path)!r}{suggest(file.name, near)}")
+    file = file.parent.resolve() / file.name  # a sweep is the same whichever way its file is named
     try:
         data = parse_toml(read_text(file))
         apply_overrides(data, overrides)
