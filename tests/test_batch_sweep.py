@@ -154,6 +154,7 @@ UNIFORM = 'path = "cloth.0.position.2"\nuniform = [0.3, 0.5]'
         ('path = "obstacle.0.path"\nglob = "*.nothing"', "count = 1", "no file matches the pattern"),
         ('path = "obstacle.0.path"\nglob = ""', "count = 1", "no file matches the pattern '' of"),
         ('path = "obstacle.0.path"\nglob = "a**b/*"', "count = 1", "no file matches the pattern"),
+        (UNIFORM, 'count = 1\ncheck = true\noutputs = ["strain"]', "'pose' or 'frames' .* for its 'check' to look at"),
         (f"{UNIFORM}\n[[parameter]]\n{UNIFORM}", "count = 1", "only one .* for 'cloth.0.position.2'"),
         (
             f'{UNIFORM}\n[[parameter]]\npath = "cloth.0.position"\nvalues = [[0, 0, 1]]',
