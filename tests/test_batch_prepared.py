@@ -151,3 +151,16 @@ def test_numbers_of_either_kind_stay_numbers_in_the_manifest():
         assert _of_one_type(column) == column
     assert _of_one_type([1, "a", None]) == ["1", "a", None]
     assert _of_one_type([True, 1.5]) == ["True", "1.5"]
+
+
+def test_a_plan_knows_all_samples_frames(tmp_path):
+    """Of four, of which the first are short: the most there are, and what is written for all of them."""
+    plans = []
+    for values in ("[2, 2, 2, 90]", "[24]"):
+        more = 'design = "grid"\noutputs = ["frames"]'
+        sweep = load_sweep(
+            written(tmp_path, SWEEP.format(more=more, path="frames", values=values), text()), ["count=4"]
+        )
+        plans.append(make_plan(sweep, BatchFolder(tmp_path / "batch"), None, None))
+    assert [plan.frames for plan in plans] == [90, 24]
+    assert plans[0].bytes == plans[1].bytes
