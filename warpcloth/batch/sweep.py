@@ -20,6 +20,7 @@ from ..scenes.load import STAGES, bundled_scenes, find_scene, parse_toml, read_t
 from ..scenes.overrides import apply_overrides
 from ..scenes.schema import explain, suggest
 from ..scenes.schema.paths import assign
+from ..validate import at_home
 from .draws import coordinates, grid_coordinates, quantile
 from .schema import ParameterTable, SweepTable
 
@@ -146,7 +147,7 @@ def load_sweep(path: str | Path, overrides: Iterable[str] = ()) -> Sweep:
     Raises:
         SceneError: there is no such file, or it is not a sweep; the message says where and what would be right.
     """
-    file = Path(path).expanduser().absolute()
+    file = at_home(path).absolute()
     if file.suffix != ".toml" or not file.is_file():
         near = [p.name for p in file.parent.glob("*.toml")] if file.parent.is_dir() else []
         raise SceneError(f"there is no sweep file {str(path)!r}{suggest(file.name, near)}")
@@ -155,7 +156,7 @@ def load_sweep(path: str | Path, overrides: Iterable[str] = ()) -> Sweep:
         data = parse_toml(read_text(file))
         apply_overrides(data, overrides)
         table = SweepTable.model_validate(data)
-        name = table.scene if table.scene in bundled_scenes() else str(file.parent / Path(table.scene).expanduser())
+        name = table.scene if table.scene in bundled_scenes() else str(file.parent / at_home(table.scene))
         scene, own = load_scene(name), _own_tables(name, table)
         parameters = [_with_files(parameter, file.parent) for parameter in table.parameter]
     except ValidationError as error:
@@ -181,7 +182,7 @@ def _with_files(parameter: ParameterTable, folder: Path) -> ParameterTable:
     """A pattern of files becomes the list of them."""
     if parameter.glob is None:
         return parameter
-    pattern = Path(parameter.glob).expanduser()
+    pattern = at_home(parameter.glob)
     root = Path(pattern.anchor) if pattern.is_absolute() else folder
     try:
         files = sorted(str(path) for path in root.glob(str(pattern.relative_to(pattern.anchor))) if path.is_file())
@@ -207,5 +208,5 @@ def _absolute(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     for table in (*itertools.chain(*lists), data.get("stage")):
         path = table.get("path") if isinstance(table, dict) else None
         if isinstance(path, str) and not path.startswith("warp:"):
-            table["path"] = str(folder / Path(path).expanduser())
+            table["path"] = str(folder / at_home(path))
     return data
