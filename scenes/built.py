@@ -11,6 +11,7 @@ import numpy as np
 from warpcloth.cloth import Cloth
 from warpcloth.model import Model
 from warpcloth.simulation import Simulation
+from warpcloth.validate import at_home
 
 from .schema import Network, Scene
 from .sources import spare_sources
@@ -71,7 +72,7 @@ def _shot(scene: Scene) -> "Shot":
     table = scene.stage
     assert table is not None
     fabric = None if table.fabric is None else table.fabric.build()
-    return read_shot(scene.folder / Path(table.path).expanduser(), table.cloth, table.collider, fabric, table.springs)
+    return read_shot(scene.folder / at_home(table.path), table.cloth, table.collider, fabric, table.springs)
 
 
 def provenance(scene: Scene) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from warpcloth.errors import SceneError
-from warpcloth.validate import is_utf8, texts
+from warpcloth.validate import at_home, is_utf8, texts
 
 from .overrides import apply_overrides
 from .schema import Scene, explain, suggest
@@ -165,7 +165,7 @@ def _with_stage(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
 
     fps: Any = data.get("fps")
     rate = float(fps) if is_number(fps) and 0.0 < fps <= 1e5 else None  # what else it may be the schema refuses
-    said = stage_tables(open_shot(folder / Path(path).expanduser()), rate)
+    said = stage_tables(open_shot(folder / at_home(path)), rate)
     both = {key: {**value, **data[key]} for key, value in said.items() if _is_table(value) and _is_table(data.get(key))}
     return {**said, **data, **both}
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from warpcloth.errors import UsdError
 from warpcloth.meshes import resolve_asset
 from warpcloth.meshes.load import USD_SUFFIXES
+from warpcloth.validate import at_home
 
 from .schema import Scene
 from .schema.files import mesh_source
@@ -26,7 +27,7 @@ def spare_sources(output: Path, scene: Scene) -> None:
     Raises:
         UsdError: naming the file.
     """
-    output = output.expanduser()
+    output = at_home(output)
     if not os.path.exists(output):  # which, unlike Path.exists, takes names that no file can have
         return
     named = [getattr(table, "path", None) for table in (*scene.cloth, *scene.obstacle, scene.stage)]

@@ -89,6 +89,20 @@ def test_the_last_motion_is_that_of_pins_and_obstacles():
     assert prepared(motion=f"{MOVES}\nmotion.loop = true").last_motion == math.inf
 
 
+@pytest.mark.parametrize(
+    ("air", "goes_on"),
+    [
+        ("1.2", False),
+        ("1.2\nwind = [0, 0.3, 0]", False),
+        ("1.2\nwind = [0, 0.3, 0]\ngust = 1.0", True),
+        ("1.2\nturbulence = 0.1", True),
+    ],
+)
+def test_a_wind_that_changes_is_never_over(air, goes_on):
+    """Cloth that hangs still in a lull has not come to its end."""
+    assert (prepared(air=air).last_motion == math.inf) == goes_on
+
+
 def test_a_sample_does_not_rest_before_the_last_motion_and_its_pose_says_how_it_was_made(tmp_path, monkeypatch):
     """The others go on without those that have ended."""
     sizes = []
@@ -137,3 +151,16 @@ def test_numbers_of_either_kind_stay_numbers_in_the_manifest():
         assert _of_one_type(column) == column
     assert _of_one_type([1, "a", None]) == ["1", "a", None]
     assert _of_one_type([True, 1.5]) == ["True", "1.5"]
+
+
+def test_a_plan_knows_all_samples_frames(tmp_path):
+    """Of four, of which the first are short: the most there are, and what is written for all of them."""
+    plans = []
+    for values in ("[2, 2, 2, 90]", "[24]"):
+        more = 'design = "grid"\noutputs = ["frames"]'
+        sweep = load_sweep(
+            written(tmp_path, SWEEP.format(more=more, path="frames", values=values), text()), ["count=4"]
+        )
+        plans.append(make_plan(sweep, BatchFolder(tmp_path / "batch"), None, None))
+    assert [plan.frames for plan in plans] == [90, 24]
+    assert plans[0].bytes == plans[1].bytes

@@ -100,6 +100,15 @@ def test_whole_tables_and_fields_within_them(tmp_path):
     assert sweep.sample(0).scene.obstacle[0].rotation == (0.0, 0.0, 45.0)
 
 
+def test_whole_lists_of_tables_and_fields_within_them(tmp_path):
+    sweep = sweep_of(
+        tmp_path,
+        'path = "obstacle"\nvalues = [[{ shape = "box", center = [0, 0, 0.1], size = [1, 1, 0.2] }]]',
+        'path = "obstacle.0.rotation.2"\nvalues = [45.0]',
+    )
+    assert sweep.sample(0).scene.obstacle[0].rotation == (0.0, 0.0, 45.0)
+
+
 def test_files_by_pattern_are_found_beside_the_sweep(tmp_path):
     (tmp_path / "meshes").mkdir()
     for name in ("b.obj", "a.obj", "c.ply"):
@@ -143,6 +152,9 @@ UNIFORM = 'path = "cloth.0.position.2"\nuniform = [0.3, 0.5]'
         ('path = "cloth.0.size.0"\nvalues = [1, nan]', "count = 1", "finite numbers among its values, and item 1 is"),
         ('path = "cloth.0"\nvalues = [{ size = [inf, 1] }]', "count = 1", "parameter.0 must have only finite numbers"),
         ('path = "obstacle.0.path"\nglob = "*.nothing"', "count = 1", "no file matches the pattern"),
+        ('path = "obstacle.0.path"\nglob = ""', "count = 1", "no file matches the pattern '' of"),
+        ('path = "obstacle.0.path"\nglob = "a**b/*"', "count = 1", "no file matches the pattern"),
+        (UNIFORM, 'count = 1\ncheck = true\noutputs = ["strain"]', "'pose' or 'frames' .* for its 'check' to look at"),
         (f"{UNIFORM}\n[[parameter]]\n{UNIFORM}", "count = 1", "only one .* for 'cloth.0.position.2'"),
         (
             f'{UNIFORM}\n[[parameter]]\npath = "cloth.0.position"\nvalues = [[0, 0, 1]]',
@@ -157,6 +169,16 @@ UNIFORM = 'path = "cloth.0.position.2"\nuniform = [0.3, 0.5]'
 def test_what_is_wrong_is_said_before_any_work(tmp_path, parameter, head, message):
     with pytest.raises(SceneError, match=message):
         sweep_of(tmp_path, parameter, head=head).check()
+
+
+def test_a_sweep_is_the_same_whichever_way_its_file_is_named(tmp_path, monkeypatch):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "sweeps").mkdir()
+    (tmp_path / "link").symlink_to("sweeps")
+    sweep = load_sweep(written(tmp_path / "sweeps"))
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    for name in ("../sweeps/sweep.toml", "../link/sweep.toml", "./../elsewhere/../sweeps/sweep.toml"):
+        assert load_sweep(name).identity == sweep.identity
 
 
 def test_a_missing_sweep_or_scene_names_what_is_near(tmp_path):

@@ -39,3 +39,12 @@ def test_without_the_compiler_of_cuda_there_is_nothing_to_compile_ahead(asked, m
     monkeypatch.setattr(wp, "get_cuda_supported_archs", list)
     assert run(["compile", "--arch", "80"]) == 2
     assert "cannot compile for GPUs" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(("device", "passed"), [(None, None), ("cpu", "cpu")])
+def test_kernels_are_compiled_for_all_devices_of_the_machine_or_for_one(monkeypatch, device, passed):
+    """To Warp no device means all of them; to `get_device` it means the current one, a GPU where there is any."""
+    seen = []
+    monkeypatch.setattr(compilation.wp, "force_load", lambda device, modules: seen.append((device, len(modules))))
+    count = compilation.compile_here(["float32"], device)
+    assert seen == [(passed if passed is None else compilation.wp.get_device(passed), count)]

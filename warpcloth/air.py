@@ -52,6 +52,11 @@ class Air(ReadOnly):
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
+    @property
+    def changes(self) -> bool:
+        """Whether the wind is not always the same at one place."""
+        return self.turbulence > 0.0 or (self.gust > 0.0 and bool(np.any(self.wind)))
+
     def waves(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """k [1/m] and a [m/s], shape [waves, 3], ω [1/s] and φ, shape [waves], of the turbulence; none without any.
 

@@ -187,6 +187,11 @@ def file_path(value: Any, what: str) -> Path:
     return Path(path)
 
 
+def at_home(path: str | os.PathLike[str]) -> Path:
+    """A path with a home folder in place of ``~`` or ``~user``; where there is no such user, as shells do, as it is."""
+    return Path(os.path.expanduser(path))
+
+
 def shown(value: Any) -> str:
     """A value as messages show it: short, and in one line."""
     return _BRIEF.repr(value).replace("\n", " ")

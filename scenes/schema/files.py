@@ -5,6 +5,8 @@ from typing import Annotated
 
 from pydantic import Field
 
+from warpcloth.validate import at_home
+
 from .values import Text
 
 MeshPath = Annotated[
@@ -23,4 +25,4 @@ PrimPath = Annotated[
 
 def mesh_source(path: str, folder: Path) -> str:
     """What to load for a mesh path in a scene file that lies in ``folder``."""
-    return path if path.startswith("warp:") else str(folder / Path(path).expanduser())
+    return path if path.startswith("warp:") else str(folder / at_home(path))

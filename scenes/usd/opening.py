@@ -7,7 +7,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 
 from ...errors import UsdError
 from ...meshes.stage_units import number_fault, si_matrix, unit_fault
-from ...validate import file_path, is_utf8
+from ...validate import at_home, file_path, is_utf8
 from .failures import as_usd_error, quietly
 
 READABLE = (".usd", ".usda", ".usdc", ".usdz")
@@ -20,7 +20,7 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
         InputError: ``path`` is not the path of a file.
         UsdError: when the file is missing, empty, not USD, or corrupt, or has no usable units.
     """
-    file = file_path(path, "path").expanduser().absolute()
+    file = at_home(file_path(path, "path")).absolute()
     if not is_utf8(file):
         raise UsdError(f"Cannot read {str(file)!r}: USD needs a path that is UTF-8 text.")
     if file.is_dir():

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...errors import UsdError
-from ...validate import file_path, is_utf8
+from ...validate import at_home, file_path, is_utf8
 
 FORMATS = (".usd", ".usdc", ".usda", ".usdz")
 BINARY = (".usd", ".usdc")  # a .usd may be of either kind; the binary one is what it usually is
@@ -63,7 +63,7 @@ def output_target(path: str | os.PathLike) -> Target:
         UsdError: unknown extension, a folder that is missing or not writable, a path that is itself a folder, or one
             that is not UTF-8 text.
     """
-    target = Target(file_path(path, "path").expanduser().absolute())
+    target = Target(at_home(file_path(path, "path")).absolute())
     name, folder = target.final.name, target.final.parent
     if not is_utf8(target.final):
         raise UsdError(f"Cannot write the cache {str(target.final)!r}: USD needs a path that is UTF-8 text.")

@@ -49,19 +49,20 @@ def drape_file(folder: BatchFolder, index: int) -> Path | None:
 
 
 def _fill(stage: Usd.Stage, files: dict[int, Path], folder: BatchFolder) -> None:
-    sizes, ends, rate = [], [], 24.0
+    sizes, ends, rates = [], [], []
     for file in files.values():
         drape = open_stage(folder.path / file)
-        rate = drape.GetTimeCodesPerSecond()
+        rates.append(drape.GetTimeCodesPerSecond())
         ends.append(drape.GetEndTimeCode())
         sizes.append(_width(drape))
+    rate = max(rates)  # to which USD fits the time codes of the other drapes
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
     stage.SetStartTimeCode(0)
-    stage.SetEndTimeCode(max(ends))
+    stage.SetEndTimeCode(max(end * (rate / own) for end, own in zip(ends, rates, strict=True)))
     root = UsdGeom.Xform.Define(stage, ROOT).GetPrim()
     Usd.ModelAPI(root).SetKind(Kind.Tokens.assembly)
     stage.SetDefaultPrim(root)

@@ -21,13 +21,15 @@ def kernel_modules(variant: str) -> list[Any]:
 
 
 def compile_here(variants: Sequence[str], device: str | None = None) -> int:
-    """Compiles kernels for a device of this machine, or takes them from the cache; returns the number of modules.
+    """Compiles kernels for a device of this machine, or for all of them, or takes them from the cache.
+
+    Returns the number of modules.
 
     Processes wait for each other: the first one compiles, the others find its work.
     """
     modules = [module for variant in variants for module in kernel_modules(variant)]
     with _one_at_a_time():
-        wp.force_load(device=wp.get_device(device), modules=modules)
+        wp.force_load(device=None if device is None else wp.get_device(device), modules=modules)
     return len(modules)
 
 

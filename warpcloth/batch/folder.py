@@ -12,6 +12,7 @@ from typing import Any
 
 from .. import __version__
 from ..errors import InputError
+from ..validate import at_home
 from .extra import needed
 from .recorder import METRICS
 from .sweep import Sweep
@@ -38,7 +39,7 @@ class BatchFolder:
     """
 
     def __init__(self, path: str | Path):
-        self.path = Path(path).expanduser().absolute()
+        self.path = at_home(path).absolute()
         self.samples, self.partial = self.path / "samples", self.path / ".partial"
         self.begun, self.stale = self.path / ".begun", self.path / ".stale"
 

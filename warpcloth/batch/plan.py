@@ -20,6 +20,7 @@ CPU_PARTICLES, GPU_PARTICLES = 4_096, 1_048_576
 MOST_WORLDS = 1024
 PROBES = 3  # samples of which one can be simulated, hopefully
 PROBE_SECONDS = 2.0
+TIMED = ("frames", "fps", "stage")  # what a sample's frames hang on
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Plan:
     Attributes:
         samples: number of all. finished: of those that are complete already.
         workers: processes. worlds: most samples stepped together in each. gpus: GPUs divided among the workers.
-        particles: of one sample. frames: most frames of one sample.
+        particles: of one sample. frames: of the longest sample, if it does not rest before.
         bytes: about what is written for all samples that are left.
         seconds: about the wall time for those; None if it has not been estimated.
     """
@@ -78,28 +79,34 @@ def make_plan(
     device = sweep.base["simulation"]["device"]
     found = find_device(None if device == "auto" else device)
     gpus = wp.get_cuda_device_count() if found.is_cuda and device == "auto" else 0
-    particles, frames = _size(sweep)
+    particles, frames = _particles(sweep), _frames(sweep)
+    mean = sum(frames) / len(frames)
     room = GPU_PARTICLES if found.is_cuda else CPU_PARTICLES
     finished = len(folder.finished()) - (len(folder.failed()) if retry_failed else 0)
     left = sweep.count - finished
     workers = max(1, min(left, workers or ((gpus or 1) if found.is_cuda else cores())))
     worlds = worlds or max(1, min(MOST_WORLDS, room // max(1, particles)))
-    seconds = _frame_seconds(sweep) * frames * left / workers if estimate else None
-    size = _sample_bytes(sweep, particles, frames)
-    return Plan(sweep.count, finished, workers, worlds, gpus, particles, frames, size * left, seconds)
+    seconds = _frame_seconds(sweep) * mean * left / workers if estimate else None
+    size = round(_sample_bytes(sweep, particles, mean) * left)
+    return Plan(sweep.count, finished, workers, worlds, gpus, particles, max(frames), size, seconds)
 
 
-def _size(sweep: Sweep) -> tuple[int, int]:
-    """Particles and frames of one of the first samples that can be built; obstacles are left alone."""
+def _particles(sweep: Sweep) -> int:
+    """Particles of one of the first samples that can be built; obstacles are left alone."""
     for index in range(min(PROBES, sweep.count)):
-        scene = sweep.sample(index).scene
         try:
-            built = BuiltScene.of(scene.changed({"obstacle": []}))
+            built = BuiltScene.of(sweep.sample(index).scene.changed({"obstacle": []}))
         except WarpclothError:
             continue
         points = [built.network.points] if built.network is not None else [cloth.points for cloth in built.cloths]
-        return sum(map(len, points)), scene.frames
-    return 0, sweep.sample(0).scene.frames
+        return sum(map(len, points))
+    return 0
+
+
+def _frames(sweep: Sweep) -> list[int]:
+    """Frames of each sample, if it does not rest before; just one number where all have the same."""
+    differ = any(parameter.path.partition(".")[0] in TIMED for parameter in sweep.table.parameter)
+    return [sweep.sample(index).scene.frames for index in range(sweep.count if differ else 1)]
 
 
 def _frame_seconds(sweep: Sweep) -> float:
@@ -128,7 +135,7 @@ def _measured(sample: Sample) -> float:
     return (time.perf_counter() - begun) / max(1, frames)
 
 
-def _sample_bytes(sweep: Sweep, particles: int, frames: int) -> int:
+def _sample_bytes(sweep: Sweep, particles: int, frames: float) -> float:
     """Of one sample, about: points, velocities and normals of each frame, and what does not move."""
     outputs = sweep.table.outputs
     poses = (frames + 1) * ("frames" in outputs) + ("pose" in outputs)

@@ -56,7 +56,9 @@ class Prepared:
 
     @cached_property
     def last_motion(self) -> float:
-        """When the last prescribed motion of a pin or an obstacle ends [s]; infinite if it repeats itself."""
+        """When the last prescribed motion of a pin or an obstacle ends [s]; infinite if it, or the wind, goes on."""
+        if self.scene.air.build(self.scene.seed).changes:
+            return math.inf
         times = [0.0, *(_end(obstacle.motion) for obstacle in self.built.obstacles if obstacle.motion is not None)]
         times += [_end(pin.motion) for cloth in self.built.cloths for pin in cloth.pins if pin.motion is not None]
         samples = [getattr(obstacle, "sample_times", None) for obstacle in self.built.obstacles]

@@ -109,8 +109,11 @@ class SweepTable(Table):
     def _counted(self) -> Self:
         if self.design != "grid" and self.count is None:
             raise refuse("must have a count unless its design is 'grid'")
-        if "preview" in self.outputs and not {"pose", "frames"} & set(self.outputs):
+        posed = bool({"pose", "frames"} & set(self.outputs))
+        if "preview" in self.outputs and not posed:
             raise refuse("must have 'pose' or 'frames' among its outputs for a 'preview' to show")
+        if self.check and not posed:
+            raise refuse("must have 'pose' or 'frames' among its outputs for its 'check' to look at")
         paths = [parameter.path for parameter in self.parameter]
         twice = next((path for path in paths if paths.count(path) > 1), None)
         if twice is not None:

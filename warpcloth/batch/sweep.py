@@ -20,6 +20,7 @@ from ..scenes.load import STAGES, bundled_scenes, find_scene, parse_toml, read_t
 from ..scenes.overrides import apply_overrides
 from ..scenes.schema import explain, suggest
 from ..scenes.schema.paths import assign
+from ..validate import at_home
 from .draws import coordinates, grid_coordinates, quantile
 from .schema import ParameterTable, SweepTable
 
@@ -90,7 +91,7 @@ class Sweep:
             data["seed"] = int(np.random.SeedSequence([self.table.seed, index]).generate_state(1)[0])
             for path, value in parameters.items():
                 assign(data, path, copy.deepcopy(value))
-                if isinstance(value, dict):  # a whole table: complete it, for later parameters to change
+                if _has_tables(value):  # complete them, for later parameters to change
                     data = _complete(scene_from_data(_absolute(data, self.folder)))
             scene = scene_from_data(_absolute(data, self.folder), name="scene", folder=Path("/"))
         except SceneError as error:
@@ -146,15 +147,16 @@ def load_sweep(path: str | Path, overrides: Iterable[str] = ()) -> Sweep:
     Raises:
         SceneError: there is no such file, or it is not a sweep; the message says where and what would be right.
     """
-    file = Path(path).expanduser().absolute()
+    file = at_home(path).absolute()
     if file.suffix != ".toml" or not file.is_file():
         near = [p.name for p in file.parent.glob("*.toml")] if file.parent.is_dir() else []
         raise SceneError(f"there is no sweep file {str(path)!r}{suggest(file.name, near)}")
+    file = file.parent.resolve() / file.name  # a sweep is the same whichever way its file is named
     try:
         data = parse_toml(read_text(file))
         apply_overrides(data, overrides)
         table = SweepTable.model_validate(data)
-        name = table.scene if table.scene in bundled_scenes() else str(file.parent / Path(table.scene).expanduser())
+        name = table.scene if table.scene in bundled_scenes() else str(file.parent / at_home(table.scene))
         scene, own = load_scene(name), _own_tables(name, table)
         parameters = [_with_files(parameter, file.parent) for parameter in table.parameter]
     except ValidationError as error:
@@ -180,12 +182,19 @@ def _with_files(parameter: ParameterTable, folder: Path) -> ParameterTable:
     """A pattern of files becomes the list of them."""
     if parameter.glob is None:
         return parameter
-    pattern = Path(parameter.glob).expanduser()
+    pattern = at_home(parameter.glob)
     root = Path(pattern.anchor) if pattern.is_absolute() else folder
-    files = sorted(str(path) for path in root.glob(str(pattern.relative_to(pattern.anchor))) if path.is_file())
+    try:
+        files = sorted(str(path) for path in root.glob(str(pattern.relative_to(pattern.anchor))) if path.is_file())
+    except (ValueError, IndexError):  # patterns that pathlib knows nothing to do with, such as "" and "a**"
+        files = []
     if not files:
         raise SceneError(f"no file matches the pattern {parameter.glob!r} of the parameter {parameter.path!r}")
     return parameter.model_copy(update={"glob": None, "values": files})
+
+
+def _has_tables(value: Any) -> bool:
+    return isinstance(value, dict) or (isinstance(value, list) and any(isinstance(item, dict) for item in value))
 
 
 def _complete(scene: Scene) -> dict[str, Any]:
@@ -199,5 +208,5 @@ def _absolute(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     for table in (*itertools.chain(*lists), data.get("stage")):
         path = table.get("path") if isinstance(table, dict) else None
         if isinstance(path, str) and not path.startswith("warp:"):
-            table["path"] = str(folder / Path(path).expanduser())
+            table["path"] = str(folder / at_home(path))
     return data

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import MeshError
-from ..validate import did_you_mean
+from ..validate import at_home, did_you_mean
 
 PREFIX = "warp:"
 
@@ -26,7 +26,7 @@ def resolve_asset(source: Any) -> Path:
         raise MeshError(f"A mesh must be given by a file name, got {text!r}.")
     if text.startswith(PREFIX):
         return _existing(warp_assets() / text.removeprefix(PREFIX), text, f"No asset '{text}' ships with Warp")
-    path = Path(text).expanduser()
+    path = at_home(text)
     return _existing(path, text, f"No mesh file '{path.name}' in {path.parent.absolute()}")
 
 
