@@ -85,14 +85,16 @@ def test_nothing_is_lost_and_nothing_is_half(tmp_path):
     assert not list(folder.partial.iterdir())
 
 
-def test_ctrl_c_leaves_a_batch_to_resume(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_batch_that_is_asked_to_end_is_left_to_resume(tmp_path, number):
+    """By Ctrl-C, or by a scheduler whose time is up."""
     path = written(tmp_path, MANY, FINE)
     folder = BatchFolder(tmp_path / "batch")
     process = start(path, folder.path)
     while not folder.finished():
         time.sleep(0.05)
         assert process.poll() is None
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     status = json.loads(process.communicate(timeout=30)[0])
     assert process.returncode == 130
     assert status["interrupted"]

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..errors import MissingExtraError, MixedBatchWarning, WarpclothError
 from ..render.paint import pyvista
-from ..scenes.interrupt import stop_on_interrupt
+from ..scenes.interrupt import StopRequest, stop_on_interrupt
 from .assembly import write_assembly
 from .cluster import Cluster, ClusterPool
 from .extra import needed
@@ -79,10 +79,11 @@ def run_batch(
     Raises:
         InputError: the folder belongs to another sweep, another batch is at work in it, the disk is full, …
         SimulationError: the batch as a whole cannot go on. What is complete stays.
+        KeyboardInterrupt: somebody pressed Ctrl-C, or the system asked it to end (SIGTERM). What is complete stays.
     """
     folder = BatchFolder(path)
     folder.check(sweep)
-    with folder.locked(), contextlib.ExitStack() as exits:
+    with folder.locked(), stop_on_interrupt() as request, contextlib.ExitStack() as exits:
         folder.claim(sweep)
         if "preview" in sweep.table.outputs:
             pyvista()  # before any work
@@ -95,42 +96,54 @@ def run_batch(
             folder.sweep_up()
             if retry_failed:
                 folder.forget_failed()
-            plan = make_plan(sweep, folder, workers, worlds)
-            folder.check_space(plan.bytes)
-            changed = {file for index in folder.finished() for file in _changed(folder.metrics(index))}
-            if changed and plan.left:
-                warnings.warn(
-                    f"{_names(changed)} changed since samples in {folder.path} were made, and those that are left are "
-                    "made of the new state; remove the folders of the others to have them made again, too.",
-                    MixedBatchWarning,
-                    stacklevel=2,
-                )
-            if plan.left:
-                folder.begun.touch()
-                folder.stale.touch()
-        try:
+            plan = _begin(sweep, folder, workers, worlds)
+        with _completing(folder, request):
             for outcome in _outcomes(sweep, folder, plan, cluster):
                 if on_progress is not None:
                     on_progress(plan, outcome)
-        except WarpclothError:
-            with contextlib.suppress(WarpclothError):  # what has led here is what the user should hear of
-                _complete(folder)
-            raise
-        except BaseException:
-            _complete(folder)
-            raise
-        _complete(folder)
         return status_of(folder, running=False)
 
 
-def _complete(folder: BatchFolder) -> None:
-    """Leaves a folder as it is to be found: nothing half, and all that is complete in its index."""
-    folder.sweep_up()
-    if folder.stale.exists() or not (folder.path / PARQUET).exists():
-        with stop_on_interrupt() as request:
-            request.waits = True  # for all of the index, whoever presses Ctrl-C once more
+def _begin(sweep: Sweep, folder: BatchFolder, workers: int | None, worlds: int | None) -> Plan:
+    """What is to be done, if there is room for it; notes that it has begun."""
+    plan = make_plan(sweep, folder, workers, worlds)
+    folder.check_space(plan.bytes)
+    changed = {file for index in folder.finished() for file in _changed(folder.metrics(index))}
+    if changed and plan.left:
+        warnings.warn(
+            f"{_names(changed)} changed since samples in {folder.path} were made, and those that are left are "
+            "made of the new state; remove the folders of the others to have them made again, too.",
+            MixedBatchWarning,
+            stacklevel=3,
+        )
+    if plan.left:
+        folder.begun.touch()
+        folder.stale.touch()
+    return plan
+
+
+@contextlib.contextmanager
+def _completing(folder: BatchFolder, request: StopRequest) -> Iterator[None]:
+    """Leaves a folder as it is to be found, however what happens inside ends: nothing half, and all that is complete in
+    its index."""
+
+    def complete() -> None:
+        request.waits = True  # for all of the index, whoever presses Ctrl-C once more
+        folder.sweep_up()
+        if folder.stale.exists() or not (folder.path / PARQUET).exists():
             index_batch(folder)
-        folder.stale.unlink(missing_ok=True)
+            folder.stale.unlink(missing_ok=True)
+
+    try:
+        yield
+    except WarpclothError:
+        with contextlib.suppress(WarpclothError):  # what has led here is what the user should hear of
+            complete()
+        raise
+    except BaseException:
+        complete()
+        raise
+    complete()
 
 
 def index_batch(folder: BatchFolder) -> list[Path]:

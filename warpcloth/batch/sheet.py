@@ -11,7 +11,7 @@ import numpy as np
 from ..obstacles import Plane
 from ..render.solids import SolidShape, ball_surface, rod_surface
 from ..render.surface import Surface
-from ..scenes.usd.playback import PlayedNetwork, Playback
+from ..scenes.usd.playback import Playback, PlayedNetwork
 from ..scenes.usd.surface import vertex_normals
 from .assembly import drape_file
 from .extra import needed
