@@ -8,6 +8,7 @@ from gradient_checks import AIR, FABRIC, RandomLoss, assert_slopes_agree, crumpl
 
 import warpcloth as wc
 from warpcloth.errors import InputError, NotDifferentiableError
+from warpcloth.forces import MassDamping
 from warpcloth.gradients import Rollout
 
 GRADIENT_SCHEMES = ("forward_euler", "midpoint", "trapezoidal", "rk4", "velocity_verlet", "pefrl")
@@ -162,7 +163,7 @@ def pull_to_the_origin(
 def test_forces_of_the_callers_own():
     model = wc.Model.build([wc.Cloth.grid((0.2, 0.2), (3, 3))], precision="float64", differentiable=True)
     pushes = model.array(0.01 * np.random.default_rng(0).normal(size=(9, 3)), model.vec3)
-    forces = [Magnet(0.01), wc.AppliedForce(model, pushes)]
+    forces = [Magnet(0.01), wc.AppliedForce(model, pushes), MassDamping(model, 3.0)]
     rollout = Rollout(wc.Simulation(model, substeps=10, forces=forces), 3)
     assert {"strength", "applied_force"} <= set(rollout.parameters)
     rollout.start.particle_q.assign(rollout.start.particle_q.numpy() + np.array([0.1, 0.2, 0.3]))
