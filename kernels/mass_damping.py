@@ -4,9 +4,9 @@ import sys
 
 import warp as wp
 
-from .precision import FORWARD_ONLY, mat33, real, vec3
+from .precision import OPTIONS, mat33, real, vec3
 
-wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
+wp.set_module_options(OPTIONS, module=sys.modules[__name__])
 
 
 @wp.kernel

@@ -7,7 +7,8 @@ import warp as wp
 from gradient_checks import AIR, FABRIC, RandomLoss, assert_slopes_agree, crumpled
 
 import warpcloth as wc
-from warpcloth.errors import NotDifferentiableError
+from warpcloth.errors import InputError, NotDifferentiableError
+from warpcloth.forces import MassDamping
 from warpcloth.gradients import Rollout
 
 GRADIENT_SCHEMES = ("forward_euler", "midpoint", "trapezoidal", "rk4", "velocity_verlet", "pefrl")
@@ -162,12 +163,27 @@ def pull_to_the_origin(
 def test_forces_of_the_callers_own():
     model = wc.Model.build([wc.Cloth.grid((0.2, 0.2), (3, 3))], precision="float64", differentiable=True)
     pushes = model.array(0.01 * np.random.default_rng(0).normal(size=(9, 3)), model.vec3)
-    forces = [Magnet(0.01), wc.AppliedForce(model, pushes)]
+    forces = [Magnet(0.01), wc.AppliedForce(model, pushes), MassDamping(model, 3.0)]
     rollout = Rollout(wc.Simulation(model, substeps=10, forces=forces), 3)
     assert {"strength", "applied_force"} <= set(rollout.parameters)
     rollout.start.particle_q.assign(rollout.start.particle_q.numpy() + np.array([0.1, 0.2, 0.3]))
     loss = RandomLoss(rollout)
     assert_slopes_agree(loss, h=1e-5)
+
+
+@pytest.mark.parametrize("name", ["strength", "spring_stiffness", "particle_friction", "particle_q"])
+def test_two_parameters_of_one_name_are_refused(name):
+    """Gradients are told by name, so one of them would have none."""
+
+    class Other(Magnet):
+        def parameters(self) -> dict:
+            return {name: self.strength}
+
+    cloths, obstacles = [wc.Cloth.grid((0.2, 0.2), (3, 3), transform=(0, 0, 1))], [wc.Plane()]
+    model = wc.Model.build(cloths, obstacles, precision="float64", differentiable=True)
+    simulation = wc.Simulation(model, "implicit_euler", substeps=2, forces=[Magnet(0.01), Other(0.02)])
+    with pytest.raises(InputError, match=f"Force 'magnet' must not call a parameter '{name}', as another array"):
+        Rollout(simulation, 1)
 
 
 def test_single_precision_agrees_with_double():

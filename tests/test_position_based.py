@@ -297,3 +297,20 @@ def test_sweeps_count_as_evaluations_as_they_look_at_every_spring(name, sweeps):
     for frame in range(1, 3):
         sim.step(1 / 60)
         assert sim.forces.evaluations == frame * 3 * sweeps
+
+
+@pytest.mark.parametrize("integrator", ["xpbd", "vbd"])
+def test_a_force_of_the_callers_own_acts_whatever_its_name(integrator):
+    """Also where a scheme leaves out forces of the model that have the same one."""
+    cloth, ends = wc.Cloth.grid((0.2, 0.2), (5, 5), wc.Fabric(bending_rigidity=1e-6)), []
+    for name in ("applied", "springs", "bending"):
+        model = wc.Model.build([cloth], device="cpu")
+        force = wc.AppliedForce(model)
+        force.name = name
+        force.force.fill_((0.0, 0.01, 0.0))
+        sim = wc.Simulation(model, integrator, substeps=10, forces=[force])
+        sim.run(3)
+        ends.append(sim.state.particle_q.numpy())
+    assert ends[0][:, 1].mean() > 0.01
+    for end in ends[1:]:
+        assert np.array_equal(end, ends[0])

@@ -206,8 +206,7 @@ class Simulation(OnDevice):
         no checks, no contact among cloths; ``time`` stays, the worlds' clocks go on. For gradients."""
         dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
         self.state.forces_current = False  # the caller may have changed the state since the last step
-        if not self.model.differentiable:  # rollouts do that by themselves
-            self._prepare()
+        self._prepare()
         self._substep(self.state, self._other, dt)
         self._end(self._other)
 

@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..launching import copy, fill, launch
 from ..model import Model
 from ..state import Memory, State
+from .user import UserForce
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,13 +216,14 @@ class Forces:
     def evaluate(self, state: State, time_offset: float = 0.0, *, without: Sequence[str] = ()) -> None:
         """Writes the total force [N] at ``state`` into ``state.particle_f``.
 
-        ``without`` names terms to leave out: those that a scheme treats in another way, such as springs as constraints.
-        What such a scheme does instead of an evaluation it adds to ``evaluations`` itself.
+        ``without`` names terms of the model to leave out: those that a scheme treats in another way, such as springs as
+        constraints; what the caller has named so acts all the same. What such a scheme does instead of an evaluation it
+        adds to ``evaluations`` itself.
         """
         model = self.model
         self.evaluations += 0 if without else 1
         self.latest = state.particle_f
-        terms = [term for term in self.terms if term.name not in without]
+        terms = [term for term in self.terms if isinstance(term, UserForce) or term.name not in without]
         if terms and isinstance(terms[0], Opening) and terms[0].begin(state, self.world_gravity):
             terms = terms[1:]
         else:

@@ -46,6 +46,10 @@ class MassDamping(UserForce):
         """Adds the diagonal blocks of b C to ``out``."""
         self._add("add_diagonal", at.damping * self.rate, [], out)
 
+    def parameters(self) -> dict[str, wp.array]:
+        """None of its own: there are gradients through it, and with respect to masses, but not to the rate."""
+        return {}
+
     def couplings(self) -> np.ndarray:
         """None between particles; see :class:`~warpcloth.forces.block_matrix.Assembled`."""
         return np.zeros((0, 2), np.int32)

@@ -1,6 +1,6 @@
 """Forces of the caller's own."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
@@ -9,7 +9,9 @@ from ..errors import InputError
 from ..launching import launch
 from ..model import Model
 from ..state import State
-from .base import Linearization
+
+if TYPE_CHECKING:
+    from .base import Linearization
 
 
 class UserForce:
@@ -23,7 +25,7 @@ class UserForce:
     :class:`~warpcloth.forces.Differentiable`.
 
     Attributes:
-        name: of its energy in ``Simulation.energy()``.
+        name: what messages call it; any will do.
         velocity_dependent: whether it depends on velocities, so that schemes must predict these.
     """
 
@@ -38,10 +40,10 @@ class UserForce:
         """Potential energies [J] by name, summed over all worlds; empty for a force without potential."""
         return {}
 
-    def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
+    def hessian_product(self, at: "Linearization", x: wp.array, out: wp.array) -> None:
         """Adds (a K + b C) x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
 
-    def hessian_diagonal(self, at: Linearization, out: wp.array) -> None:
+    def hessian_diagonal(self, at: "Linearization", out: wp.array) -> None:
         """Adds the diagonal blocks of a K + b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
 
 

@@ -3,13 +3,15 @@
 import warp as wp
 
 from .. import validate
-from ..errors import NotDifferentiableError
+from ..errors import InputError, NotDifferentiableError
 from ..forces import Differentiable
 from ..integrators.xpbd import Xpbd
 from ..launching import launch
 from ..obstacles import MeshObstacle
 from ..simulation import Simulation
 from .steps import recorded_step
+
+OF_START = ("particle_q", "particle_qd")
 
 
 def check_differentiable(simulation: Simulation) -> None:
@@ -47,16 +49,24 @@ def check_differentiable(simulation: Simulation) -> None:
 
 
 def find_parameters(simulation: Simulation) -> dict[str, wp.array]:
-    """The arrays with respect to which there are gradients, by name; from here on they have them."""
+    """The arrays with respect to which there are gradients, by name; from here on they have them.
+
+    Raises:
+        InputError: two of them have one name.
+    """
     model = simulation.model
     found = {"particle_mass": model.particle_mass, "gravity": simulation.forces.world_gravity}
-    for term in simulation.forces.terms:
-        if isinstance(term, Differentiable):
-            found |= term.parameters()
     if simulation.contact.acts:
         shapes = model.shapes.shapes
         found["particle_friction"] = model.particle_friction
         found |= {"obstacle_friction": shapes.friction, "obstacle_restitution": shapes.restitution}
+    for term in simulation.forces.terms:
+        for name, array in term.parameters().items() if isinstance(term, Differentiable) else ():
+            if name in OF_START or found.setdefault(name, array) is not array:
+                raise InputError(
+                    f"Force '{term.name}' must not call a parameter '{name}', as another array is called so; give it "
+                    "another name in parameters()."
+                )
     for array in (*found.values(), model.particle_inv_mass):
         array.requires_grad = True
     return found

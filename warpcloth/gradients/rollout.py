@@ -39,7 +39,7 @@ class Rollout:
 
     Raises:
         NotDifferentiableError: a part of the simulation has no gradients; the sentence says which.
-        InputError: a number out of range.
+        InputError: a number out of range, or two parameters of one name, as those of two ``AppliedForce`` are.
 
     Attributes:
         start: the :class:`~warpcloth.State` to start from. Positions and velocities may be written to.
