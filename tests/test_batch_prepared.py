@@ -153,6 +153,17 @@ def test_numbers_of_either_kind_stay_numbers_in_the_manifest():
     assert _of_one_type([True, 1.5]) == ["True", "1.5"]
 
 
+def test_a_plan_knows_that_samples_differ_in_size(tmp_path):
+    """What begins with coarse cloth is not planned as if all of it were coarse."""
+    more = 'design = "grid"\noutputs = ["frames"]'
+    values = "[[6, 6], [11, 11], [6, 6], [101, 101]]"
+    table = SWEEP.format(more=more, path="cloth.0.resolution", values=values)
+    sweep = load_sweep(written(tmp_path, table, text()), ["count=4"])
+    plan = make_plan(sweep, BatchFolder(tmp_path / "batch"), None, None)
+    assert (plan.particles, plan.worlds) == (10_201, 1)
+    assert plan.bytes > 36 * plan.frames * (36 + 121 + 36 + 10_201)  # points, velocities and normals
+
+
 def test_a_plan_knows_all_samples_frames(tmp_path):
     """Of four, of which the first are short: the most there are, and what is written for all of them."""
     plans = []

@@ -5,6 +5,7 @@ import time
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from ..errors import WarpclothError
@@ -18,7 +19,7 @@ from .sweep import Sample, Sweep
 # Particles stepped together: enough that launching kernels costs little beside running them, see benchmarks/README.md.
 CPU_PARTICLES, GPU_PARTICLES = 4_096, 1_048_576
 MOST_WORLDS = 1024
-PROBES = 3  # samples of which one can be simulated, hopefully
+PROBES = 7  # samples, evenly spread, that are looked at; of these one can be simulated, hopefully
 PROBE_SECONDS = 2.0
 TIMED = ("frames", "fps", "stage")  # what a sample's frames hang on
 
@@ -30,7 +31,7 @@ class Plan:
     Attributes:
         samples: number of all. finished: of those that are complete already.
         workers: processes. worlds: most samples stepped together in each. gpus: GPUs divided among the workers.
-        particles: of one sample. frames: of the longest sample, if it does not rest before.
+        particles: of the largest sample that was looked at. frames: of the longest sample, if it does not rest before.
         bytes: about what is written for all samples that are left.
         seconds: about the wall time for those; None if it has not been estimated.
     """
@@ -80,27 +81,36 @@ def make_plan(
     found = find_device(None if device == "auto" else device)
     gpus = wp.get_cuda_device_count() if found.is_cuda and device == "auto" else 0
     particles, frames = _particles(sweep), _frames(sweep)
-    mean = sum(frames) / len(frames)
+    largest, mean = max(particles), sum(particles) / len(particles)
+    length = sum(frames) / len(frames)
     room = GPU_PARTICLES if found.is_cuda else CPU_PARTICLES
     finished = len(folder.finished()) - (len(folder.failed()) if retry_failed else 0)
     left = sweep.count - finished
     workers = max(1, min(left, workers or ((gpus or 1) if found.is_cuda else cores())))
-    worlds = worlds or max(1, min(MOST_WORLDS, room // max(1, particles)))
-    seconds = _frame_seconds(sweep) * mean * left / workers if estimate else None
-    size = round(_sample_bytes(sweep, particles, mean) * left)
-    return Plan(sweep.count, finished, workers, worlds, gpus, particles, max(frames), size, seconds)
+    worlds = worlds or max(1, min(MOST_WORLDS, room // max(1, largest)))
+    seconds = _particle_seconds(sweep) * mean * length * left / workers if estimate else None
+    size = round(_sample_bytes(sweep, mean, length) * left)
+    return Plan(sweep.count, finished, workers, worlds, gpus, largest, max(frames), size, seconds)
 
 
-def _particles(sweep: Sweep) -> int:
-    """Particles of one of the first samples that can be built; obstacles are left alone."""
-    for index in range(min(PROBES, sweep.count)):
-        try:
-            built = BuiltScene.of(sweep.sample(index).scene.changed({"obstacle": []}))
-        except WarpclothError:
-            continue
-        points = [built.network.points] if built.network is not None else [cloth.points for cloth in built.cloths]
-        return sum(map(len, points))
-    return 0
+def _probes(sweep: Sweep) -> list[Sample]:
+    """Samples from all over the sweep, in which what varies is as varied as in all of them."""
+    numbers = np.unique(np.linspace(0, sweep.count - 1, PROBES).astype(int))
+    return [sweep.sample(index) for index in numbers.tolist()]
+
+
+def _particles(sweep: Sweep) -> list[int]:
+    """Particles of samples that can be built, or a zero if none can; obstacles are left alone."""
+    sizes = []
+    for sample in _probes(sweep):
+        with contextlib.suppress(WarpclothError):
+            sizes.append(_size(BuiltScene.of(sample.scene.changed({"obstacle": []}))))
+    return sizes or [0]
+
+
+def _size(built: BuiltScene) -> int:
+    """Particles of a scene."""
+    return sum(map(len, [built.network.points] if built.network else [cloth.points for cloth in built.cloths]))
 
 
 def _frames(sweep: Sweep) -> list[int]:
@@ -109,21 +119,21 @@ def _frames(sweep: Sweep) -> list[int]:
     return [sweep.sample(index).scene.frames for index in range(sweep.count if differ else 1)]
 
 
-def _frame_seconds(sweep: Sweep) -> float:
-    """Wall time of a frame of a sample alone [s], on average over the first ones of one of the first samples.
+def _particle_seconds(sweep: Sweep) -> float:
+    """Wall time of a frame for each particle of a sample alone [s], by the first frames of one of the samples.
 
     Raises:
-        WarpclothError: none of these can be simulated.
+        WarpclothError: none of those looked at can be simulated.
     """
-    *others, last = range(min(PROBES, sweep.count))
-    for index in others:
+    *others, last = _probes(sweep)
+    for sample in others:
         with contextlib.suppress(WarpclothError):
-            return _measured(sweep.sample(index))
-    return _measured(sweep.sample(last))
+            return _measured(sample)
+    return _measured(last)
 
 
 def _measured(sample: Sample) -> float:
-    """Wall time of one of the first frames of a sample alone [s]."""
+    """Wall time of one of the first frames of a sample alone, for each of its particles [s]."""
     prepared = prepare(sample)
     simulation = make_simulation([prepared.built], make_model([prepared.built]))
     for _ in range(2):  # the first loads the kernels, the second captures the graph
@@ -132,10 +142,10 @@ def _measured(sample: Sample) -> float:
     while frames < prepared.scene.frames and time.perf_counter() - begun < PROBE_SECONDS:
         simulation.step(1.0 / prepared.scene.fps)
         frames += 1
-    return (time.perf_counter() - begun) / max(1, frames)
+    return (time.perf_counter() - begun) / max(1, frames) / max(1, _size(prepared.built))
 
 
-def _sample_bytes(sweep: Sweep, particles: int, frames: float) -> float:
+def _sample_bytes(sweep: Sweep, particles: float, frames: float) -> float:
     """Of one sample, about: points, velocities and normals of each frame, and what does not move."""
     outputs = sweep.table.outputs
     poses = (frames + 1) * ("frames" in outputs) + ("pose" in outputs)
