@@ -117,6 +117,15 @@ def test_another_integrator_cannot_be_gone_on_with():
         simulation().continue_from(other, [0])
 
 
+def test_what_a_hand_holds_cannot_be_gone_on_with():
+    other = simulation()
+    grab = other.grab(0)
+    with pytest.raises(InputError, match="release the grabs"):
+        simulation().continue_from(other, [0])
+    grab.release()
+    simulation().continue_from(other, [0])
+
+
 def test_frames_of_rollouts_are_no_longer_than_steps_may_be():
     model = wc.Model.build(CLOTH, device="cpu", differentiable=True)
     with pytest.raises(InputError, match="Fps must be"):

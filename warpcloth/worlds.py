@@ -87,7 +87,8 @@ def worlds_to_keep(simulation: Any, other: Any, worlds: Any) -> list[int]:
     """Numbers of worlds of another simulation that one can go on with.
 
     Raises:
-        InputError: there are no such worlds, they do not rise, have other particles, another integrator or other hooks.
+        InputError: there are no such worlds, they do not rise, have other particles, another integrator or other hooks,
+            or something in the other simulation is held by a grab.
     """
     numbers = validate.array(worlds, "worlds", (None,), np.int64).tolist()
     last = other.model.world_count - 1
@@ -99,6 +100,8 @@ def worlds_to_keep(simulation: Any, other: Any, worlds: Any) -> list[int]:
     if type(simulation.integrator) is not type(other.integrator):
         names = f"{other.integrator.name}, not {simulation.integrator.name}"
         raise InputError(f"A simulation can go on only with the integrator of the other one, {names}.")
+    if other._grabs is not None and any(hold is not None for hold in other._grabs.holds):
+        raise InputError("A simulation cannot go on with what a hand holds; release the grabs of the other one first.")
     hooks = [", ".join(type(hook).__name__ for hook in one.hooks) or "none" for one in (other, simulation)]
     if hooks[0] != hooks[1]:
         raise InputError(f"A simulation can go on only with hooks like those of the other one, {', not '.join(hooks)}.")
