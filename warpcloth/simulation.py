@@ -207,7 +207,7 @@ class Simulation(OnDevice):
         dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
         self.state.forces_current = False  # the caller may have changed the state since the last step
         self._prepare()
-        self._substep(self.state, self._other, dt)
+        self._substep(self.state, self._other, dt, among_cloths=False)
         self._end(self._other)
 
     def substeps_for(self, dt: float) -> int:
@@ -323,7 +323,7 @@ class Simulation(OnDevice):
             if source is not None and source is not array:
                 copy(array, source)
 
-    def _substep(self, now: State, later: State, dt: float) -> None:
+    def _substep(self, now: State, later: State, dt: float, among_cloths: bool = True) -> None:
         later.forces_current = False
         for hook in self.hooks:
             hook.before_step(now, dt)
@@ -335,7 +335,7 @@ class Simulation(OnDevice):
         for hook in self.hooks:
             hook.after_integration(now, later, dt)
         with self.watch.stage("respond"):
-            self.contact.resolve(now, later, dt)
+            self.contact.resolve(now, later, dt, among_cloths)
         for hook in self.hooks:
             hook.after_step(now, later, dt)
         self.forces.advance(later)

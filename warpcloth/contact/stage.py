@@ -77,9 +77,9 @@ class ContactStage:
         if self.support is not None:
             self.support.begin(state, dt)
 
-    def resolve(self, state_in: State, state_out: State, dt: float) -> None:
+    def resolve(self, state_in: State, state_out: State, dt: float, among_cloths: bool = True) -> None:
         """After each substep of dt [s]: corrects its end. Obstacles come last: they do not give way."""
-        if self.cloths is not None:
+        if self.cloths is not None and among_cloths:
             self.cloths.resolve(state_in, state_out, dt)
         if self.obstacles is not None:
             self.obstacles.resolve(state_in, state_out, dt)
