@@ -48,6 +48,20 @@ def test_what_no_picture_shows_is_no_collider_unless_there_is_no_other(tmp_path,
     assert obstacles(path, "/World/Body") == ["Skin", "Other"]
 
 
+def test_a_collider_that_is_no_shape_stands_for_those_below_it(tmp_path, stage):
+    """Cloth fell past them, without a word."""
+    body = stage.GetPrimAtPath(add_body(stage, "Skin", "Other")[0].GetPath().GetParentPath())
+    api = UsdPhysics.CollisionAPI.Apply(body)
+    add_cloth(stage, "/World/Body/Scarf")
+    stage.Save()
+    shot = read_shot(tmp_path / "shot.usda", ["/World/Shirt", "/World/Body/Scarf"])
+    assert [obstacle.name for obstacle in shot.obstacles] == ["Skin", "Other"]
+    assert list(map(str, shot.colliders)) == ["/World/Body/Skin", "/World/Body/Other"]
+    api.CreateCollisionEnabledAttr(False)
+    stage.Save()
+    assert obstacles(tmp_path / "shot.usda") == []
+
+
 def test_hair_and_dust_are_no_colliders(tmp_path, stage):
     add_body(stage, "Skin")
     UsdGeom.BasisCurves.Define(stage, "/World/Body/Hair")

@@ -14,7 +14,7 @@ from warpcloth.obstacles import Obstacle
 
 from ..usd.failures import as_usd_error, quietly
 from ..usd.moving import transform_codes
-from ..usd.obstacle_reader import is_collider, is_solid, read_obstacle
+from ..usd.obstacle_reader import is_collider, is_collider_group, is_solid, read_obstacle
 from ..usd.opening import world_matrix
 from .cloth_prims import cloth_meshes, cloth_names, is_deformable, is_scattered, prim_at
 from .cloth_reader import ShotCloth, read_cloth
@@ -33,7 +33,7 @@ class Shot:
         start: time code of second 0.
         parts: its cloths.
         obstacles: what they collide with [m], Z up.
-        colliders: paths of prims that are colliders only because a user said so.
+        colliders: paths of shapes that are colliders only because a user, or a prim above them, said so.
         network: a bare network of springs in place of cloths and obstacles, or None.
     """
 
@@ -79,28 +79,37 @@ def read_shot(
         meshes = cloth_meshes(stage, cloth, path.name)
         names = cloth_names(meshes)
         parts = [read_cloth(mesh, name, start, fabric, springs) for mesh, name in zip(meshes, names, strict=True)]
-        taken = {mesh.GetPath() for mesh in meshes}
-        prims = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-        marked = [prim for prim in prims if is_collider(prim) and prim.GetPath() not in taken]
-        said = {prim.GetPath() for prim in marked}
-        added = {prim.GetPath(): where for where in collider for prim in _gprims(stage, where, path.name)}
-        added = {where: by for where, by in added.items() if where not in said}
-        both = next((where for where in added if where in taken), None)
+        marked, added = _colliders(stage, collider, {mesh.GetPath() for mesh in meshes}, path.name)
+        obstacles = [_obstacle(prim, start) for prim in [*marked, *added]]
+    return Shot(path, stage, start, parts, obstacles, tuple(prim.GetPath() for prim in added))
+
+
+def _colliders(
+    stage: Usd.Stage, named: Sequence[str], cloth: set[Sdf.Path], file: str
+) -> tuple[list[Usd.Prim], list[Usd.Prim]]:
+    """Shapes that say that they are colliders, and those of which a user, or a prim above them, says so."""
+    every = list(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+    marked = [prim for prim in every if is_collider(prim) and prim.GetPath() not in cloth]
+    added: dict[Sdf.Path, Usd.Prim] = {}
+    for where in named:
+        shapes = _shapes(prim_at(stage, where, file))
+        if not shapes:
+            raise UsdError(f"Prim {where} in {file} has no shape in it that cloth could collide with.")
+        both = next((prim for prim in shapes if prim.GetPath() in cloth), None)
         if both is not None:
-            rule = f"give other colliders than {added[both]}"
-            raise UsdError(f"Prim {both} in {path.name} cannot be both cloth and collider; {rule}.")
-        obstacles = [_obstacle(prim, start) for prim in [*marked, *map(stage.GetPrimAtPath, added)]]
-    return Shot(path, stage, start, parts, obstacles, tuple(added))
+            rule = f"give other colliders than {where}"
+            raise UsdError(f"Prim {both.GetPath()} in {file} cannot be both cloth and collider; {rule}.")
+        added |= {prim.GetPath(): prim for prim in shapes}
+    grouped = [shape for prim in every if is_collider_group(prim) for shape in _shapes(prim)]
+    added |= {prim.GetPath(): prim for prim in grouped if prim.GetPath() not in cloth}
+    return marked, [prim for prim in added.values() if prim not in marked]
 
 
-def _gprims(stage: Usd.Stage, path: str, file: str) -> list[Usd.Prim]:
-    """The shape at a path, and the shapes below it: solid ones, and of these the visible ones, if there are any."""
-    top = prim_at(stage, path, file)
+def _shapes(top: Usd.Prim) -> list[Usd.Prim]:
+    """A shape, and the shapes below it: solid ones, and of these the visible ones, if there are any."""
     below = Usd.PrimRange(top, Usd.TraverseInstanceProxies())
     found = [prim for prim in below if prim.IsA(UsdGeom.Gprim) and not is_deformable(prim)]
     solid = [prim for prim in found if prim == top or is_solid(prim)]
-    if not found:
-        raise UsdError(f"Prim {path} in {file} has no shape in it that cloth could collide with.")
     return [prim for prim in solid if prim == top or is_shown(UsdGeom.Imageable(prim))] or solid or found
 
 

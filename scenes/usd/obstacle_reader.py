@@ -51,6 +51,12 @@ def is_collider(prim: Usd.Prim) -> bool:
     return prim.IsA(UsdGeom.Gprim) and prim.HasAPI(UsdPhysics.CollisionAPI) and _enabled(prim) and not cloth
 
 
+def is_collider_group(prim: Usd.Prim) -> bool:
+    """Whether ``prim`` is an enabled collider that has no shape itself, as writers make of a whole that has several."""
+    shapeless = prim.IsA(UsdGeom.Xformable) and not prim.IsA(UsdGeom.Gprim) and not prim.IsA(UsdGeom.PointInstancer)
+    return shapeless and role_of(prim) is None and prim.HasAPI(UsdPhysics.CollisionAPI) and _enabled(prim)
+
+
 def is_solid(prim: Usd.Prim) -> bool:
     """Whether ``prim`` is of a kind that can be an obstacle, as curves and clouds of points cannot."""
     return any(prim.IsA(kind) for kind in (UsdGeom.Mesh, *_SHAPES, *_SOLIDS))
