@@ -150,9 +150,14 @@ def _scene_of_stage(path: Path, overrides: Iterable[str], prims: dict[str, Any])
 def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The tables of a scene with every field that has a value; empty where they are no scene yet."""
     try:
-        return Scene.model_validate(_with_stage(data, folder)).model_dump(mode="json", exclude_none=True)
+        scene = Scene.model_validate(_with_stage(data, folder))
     except ValidationError:
         return {}
+    tables = scene.model_dump(mode="json", exclude_none=True)
+    for holder, table in [*zip(scene.cloth, tables["cloth"], strict=True), (scene.stage, tables.get("stage"))]:
+        if holder is not None and holder.fabric is not None:  # its name says what its colour is
+            table["fabric"]["color"] = list(holder.fabric.build().color)
+    return tables
 
 
 def _with_stage(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:

@@ -279,11 +279,14 @@ def test_a_film_and_a_turntable_and_a_sheet(cache, tmp_path):
     assert not list(tmp_path.glob("*partial*"))
 
 
-def test_a_network_is_rendered_too(tmp_path):
+def test_a_network_is_rendered_too_but_shows_no_measure(tmp_path, capsys):
     simulate("pendulum", tmp_path / "pendulum.usdc", frames=3, device="cpu")
-    assert run(["render", str(tmp_path / "pendulum.usdc"), "--frame", "-1", "--size", "160x100"]) == 0
+    still = ["render", str(tmp_path / "pendulum.usdc"), "--frame", "-1", "--size", "160x100"]
+    assert run(still) == 0
     picture = pixels(tmp_path / "pendulum.png")
     assert (np.ptp(picture, axis=2) > 60).any()  # a red ball
+    assert run([*still, "--color", "speed"]) == 2
+    assert "pendulum.usdc has no cloth whose colours could show its speed" in capsys.readouterr().err
 
 
 def test_simulate_renders_too(tmp_path, monkeypatch, capsys):

@@ -229,6 +229,14 @@ def test_overrides_of_single_numbers_in_lists_that_the_file_leaves_to_their_defa
         scene_from_toml(GRID, overrides=["obstacle.0.shape=sphere"])
 
 
+@pytest.mark.parametrize("fabric", ["denim", "plain"])
+def test_an_override_of_one_number_of_a_color_leaves_the_fabrics_others(fabric):
+    name = [] if fabric == "plain" else [f"cloth.0.fabric={fabric}"]
+    color = scene_from_toml(GRID, overrides=name).cloth[0].fabric.build().color
+    changed = scene_from_toml(GRID, overrides=[*name, "cloth.0.fabric.color.1=0.125"]).cloth[0].fabric.build()
+    assert changed.color == (color[0], 0.125, color[2])
+
+
 @pytest.mark.parametrize(
     ("override", "sentence"),
     [

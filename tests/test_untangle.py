@@ -252,6 +252,12 @@ def test_the_command_line_refuses_and_untangles(tmp_path, monkeypatch, capfd):
     assert "start untangled" in capfd.readouterr().out
 
 
+def test_a_network_has_nothing_to_untangle():
+    model = wc.Model.from_springs([[0, 0, 1], [1, 0, 1]], 0.1, [[0, 1]], 1.0, 100.0, 0.0, pinned=[0])
+    done = untangle(model, State.of(model))  # without a warning, too
+    assert (done.before, done.inside_before, done.rounds) == (0, 0, 0)
+
+
 @pytest.mark.parametrize("angle", [0.05, 0.6])
 def test_ways_out_do_not_depend_on_which_side_is_the_front(angle):
     """Nor on which way around edges go, also where they nearly graze what they pass through."""

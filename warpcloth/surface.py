@@ -22,7 +22,7 @@ class Surface:
             cloths and obstacles.
         point_shape: which of the model's shapes each obstacle vertex, after the cloths' particles, belongs to.
         tri_indices, tri_owned: corners of each triangle, and which vertices and edges it answers for.
-        edge: median edge of the cloths [m].
+        edge: median edge of the cloths [m]; 0 in a network.
     """
 
     def __init__(self, model: Model):
@@ -93,8 +93,8 @@ def triangle_worlds(tri_indices: wp.array, particle_world: wp.array) -> wp.array
 
 
 def median_edge(points: np.ndarray, triangles: np.ndarray) -> float:
-    """Median length [m] of the edges of triangles, shape [m, 3], over points, shape [n, 3]."""
-    return float(np.median(edge_lengths(points, triangles)))
+    """Median length [m] of the edges of triangles, shape [m, 3], over points, shape [n, 3]; 0 where there are none."""
+    return float(np.median(edge_lengths(points, triangles))) if len(triangles) else 0.0
 
 
 def edge_lengths(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -111,6 +111,9 @@ class _Renderer:
         make_camera(camera, np.zeros((1, 3)), size)
         self.playback, self.size, self.camera = playback, size, camera
         self.coloring = Coloring(color, playback)
+        if self.coloring.measured and not playback.cloths:
+            what = f"{playback.path.name} has no cloth whose colours could show its {color}"
+            raise InputError(f"{what}; render it with the color 'fabric'.")
         azimuth = make_camera(camera, np.eye(3), size).azimuth
         rays = STILL_RAYS if still else FILM_RAYS
         self.shot = Shot(playback, self.coloring, pattern, camera_azimuth=azimuth, rays=rays)
