@@ -173,3 +173,12 @@ def test_steps_are_what_their_propagator_says(name):
     for zeta in (0.0, 0.3):
         matrix = np.array([[p(0.7) for p in row] for row in INTEGRATORS[name].propagator(1.0, 2.0 * zeta)])
         np.testing.assert_allclose(step_matrix(name, 0.7, zeta), matrix, atol=1e-12)
+
+
+def test_a_warning_gives_no_advice_that_is_refused():
+    """With masses of 1e-20 kg "auto" says that there would be too many substeps, and more may not be given."""
+    light = wc.Model.from_springs([(0, 0, 0), (0, 0, 0.1)], [1e-20] * 2, [(0, 1)], [0.1], [1.0], [0.0])
+    sim = wc.Simulation(light, "symplectic_euler", substeps=8, check=False)
+    with pytest.warns(StabilityWarning, match="which no substeps allow for; use another integrator") as said:
+        sim.step(1.0 / 60.0)
+    assert "auto" not in str(said[0].message)

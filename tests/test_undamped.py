@@ -10,7 +10,7 @@ import warpcloth as wc
 from warpcloth.contact.travel import travel_step
 from warpcloth.diagnostics import greatest_speeds
 from warpcloth.integrators import INTEGRATORS
-from warpcloth.simulation import MAX_SUBSTEPS
+from warpcloth.stability import MAX_SUBSTEPS
 
 SCHEMES = ["implicit_midpoint", "implicit_trapezoid"]
 FABRIC = wc.Fabric(thickness=0.0025, friction=0.5, stretch_stiffness=300.0, shear_stiffness=60.0, bend_stiffness=0.2)

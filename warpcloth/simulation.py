@@ -23,12 +23,11 @@ from .launching import copy, launch, launches, records
 from .lookout import Lookout
 from .model import Model, of_model
 from .recording import missed_pairs, recordable_substeps
+from .stability import MAX_SUBSTEPS
 from .state import Memory, OnDevice, State
 from .stopwatch import Stopwatch
 from .untangle import untangle
 from .worlds import WorldReset, take_worlds, world_mask, worlds_to_keep
-
-MAX_SUBSTEPS = 100_000
 
 
 class Simulation(OnDevice):

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .integrators import Integrator
     from .model import Model
 
+MAX_SUBSTEPS = 100_000  # per frame, automatic or not
 MAX_ITERATIONS = 300
 TOLERANCE = 1e-5
 # Cloth crushed through zero spring length, where the force jumps, gains energy when it steps at the linear limit:
@@ -300,10 +301,12 @@ def warning_of_unstable_steps(
     limit = min(filtered, _usable_step(model, integrator, fastest_rates, positions, WARNING_ITERATIONS))
     if step <= limit:
         return None
-    needed = f"{math.ceil(dt / limit)} substeps" if dt < 1e9 * limit else "another integrator"
+    advice = f"takes {math.ceil(dt / limit)} substeps; raise substeps or use 'auto'"
+    if dt > MAX_SUBSTEPS * limit:
+        advice = "no substeps allow for; use another integrator, or a softer or heavier material"
     return (
         f"{integrator.name} is unstable with {substeps} substep{'s' * (substeps > 1)} per frame of {dt:.3g} s: its "
-        f"largest stable step for this cloth is {limit:.3g} s, which takes {needed}; raise substeps or use 'auto'."
+        f"largest stable step here is {limit:.3g} s, which {advice}."
     )
 
 

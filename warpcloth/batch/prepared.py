@@ -14,7 +14,7 @@ from ..integrators import INTEGRATORS, make_integrator
 from ..motion import Motion
 from ..scenes import Scene
 from ..scenes.built import BuiltScene, make_model
-from ..simulation import MAX_SUBSTEPS
+from ..stability import MAX_SUBSTEPS
 from ..surface import median_edge
 from .inputs import input_hashes
 from .sweep import Sample

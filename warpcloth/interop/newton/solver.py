@@ -12,11 +12,10 @@ from ...contact import ContactPlanes
 from ...errors import InputError
 from ...forces import AppliedForce, Forces, Springs
 from ...integrators import make_integrator
+from ...stability import MAX_SUBSTEPS
 from ...state import Memory, State
 from ...worlds import WorldRows
 from .network import Network
-
-MAX_SUBSTEPS = 100_000
 
 
 class SolverMassSpring(newton.solvers.SolverBase):
