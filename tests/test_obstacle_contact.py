@@ -187,6 +187,26 @@ def test_restitution_acts_on_the_approach_speed(shape, substeps):
     assert np.allclose(sim.state.particle_qd.numpy()[:, 2], 1.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("shape", ["plane", "mesh"])
+@pytest.mark.parametrize(("cloth", "obstacle"), [(0.9, 0.1), (0.9, 0.0)])
+def test_the_friction_of_cloth_and_obstacle_is_the_geometric_mean_of_theirs(shape, cloth, obstacle):
+    floor = type(RESTS[shape][0])(**{**RESTS[shape][0].__dict__, "friction": obstacle})
+    sliding = patch(resolution=3, transform=(0, 0, 0.003), velocity=(2.0, 0.0, 0.0), friction=cloth)
+    sim = wc.Simulation(wc.Model.build(sliding, floor, precision="float64"), "xpbd", substeps=10)
+    sim.run(6)
+    expected = 2.0 - math.sqrt(cloth * obstacle) * G * 0.1
+    assert sim.state.particle_qd.numpy()[:, 0] == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("shape", ["box", "open mesh"])
+def test_what_moves_through_a_plate_in_one_short_step_is_stopped(shape):
+    """By 10 mm, from 0.5 mm above its contact distance to far enough below it to touch it no more."""
+    cloth = patch(resolution=2, transform=(0, 0, 0.0035), velocity=(0, 0, -1.0))
+    sim = wc.Simulation(wc.Model.build(cloth, THIN[shape]), "xpbd", gravity=(0, 0, 0), substeps=1)
+    sim.step(0.01)
+    assert sim.state.particle_q.numpy()[:, 2] == pytest.approx(0.003, abs=1e-5)
+
+
 def test_what_rests_does_not_bounce():
     """Gravity brings it towards the obstacle in each step, but that is no speed at which it arrives."""
     sim = wc.Simulation(wc.Model.build(patch(transform=(0, 0, 0.002)), wc.Plane(restitution=0.8)), substeps=10)
