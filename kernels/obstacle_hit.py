@@ -10,6 +10,7 @@ from .precision import real, vec3
 from .shapes import MESH, Shapes, distance
 
 MAX_MARCH = wp.constant(48)
+MAX_CREEP = wp.constant(32)
 LOOKS = wp.constant(3)  # for where the surface has carried a particle; each is better by the turn in a step
 
 
@@ -22,6 +23,26 @@ class Hit:
     gap: real  # signed distance of the path's end from the contact plane [m]
     start_gap: real  # the same for its start
     surface: vec3  # displacement of a deforming surface during the step [m]
+
+
+@wp.func
+def glancing_touch(kind: int, size: vec3, a: vec3, path: vec3, offset: real, slop: real, marched: real):
+    """As :func:`first_touch`, from the share ``marched`` on, by Newton's method: for paths so flat that marching, which
+    goes on by no more than the distance, does not arrive. It never goes too far, as all these shapes are convex."""
+    touch = real(-1.0)
+    t = marched
+    for _i in range(MAX_CREEP):
+        here = distance(kind, size, a + t * path)
+        if here[3] - offset <= slop:
+            touch = t
+            break
+        slope = wp.dot(vec3(here[0], here[1], here[2]), path)
+        if slope >= real(0.0):
+            break
+        t -= (here[3] - offset) / slope
+        if t >= real(1.0):
+            break
+    return touch
 
 
 @wp.func
@@ -38,6 +59,8 @@ def first_touch(kind: int, size: vec3, a: vec3, path: vec3, offset: real, slop: 
         t += (here[3] - offset) / length
         if t >= real(1.0):
             break
+    if touch < real(0.0) and t < real(1.0):
+        touch = glancing_touch(kind, size, a, path, offset, slop, t)
     return touch
 
 
@@ -54,6 +77,7 @@ def adj_first_touch(kind: int, size: vec3, a: vec3, path: vec3, offset: real, sl
         if gap <= slop:
             wp.adjoint[a] += adj_ret * by_a
             wp.adjoint[path] += adj_ret * by_path
+            t = real(1.0)
             break
         n = vec3(here[0], here[1], here[2])
         slope = real(1.0) + wp.dot(n, path) / length
@@ -62,6 +86,14 @@ def adj_first_touch(kind: int, size: vec3, a: vec3, path: vec3, offset: real, sl
         t += gap / length
         if t >= real(1.0):
             break
+    if t < real(1.0):
+        touch = glancing_touch(kind, size, a, path, offset, slop, t)
+        if touch >= real(0.0):
+            here = distance(kind, size, a + touch * path)
+            n = vec3(here[0], here[1], here[2])
+            by_end = -(adj_ret / wp.dot(n, path)) * n
+            wp.adjoint[a] += by_end
+            wp.adjoint[path] += touch * by_end
 
 
 @wp.func

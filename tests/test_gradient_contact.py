@@ -45,6 +45,19 @@ def test_thrown_onto_each_shape(shape):
     assert_slopes_agree(RandomLoss(rollout), h=1e-7)
 
 
+@pytest.mark.parametrize(
+    "obstacle", [wc.Box((0, 0, -0.01), (4, 4, 0.02), restitution=0.3), wc.Capsule((-2, 0, -0.1), (2, 0, -0.1), 0.1)]
+)
+def test_thrown_at_a_flat_angle(obstacle):
+    """At a tenth, and as far as marching towards the surface does not get in the steps that it has."""
+    soft = wc.Fabric(stretch_stiffness=1.0, shear_stiffness=0.2, bend_stiffness=0.0, thickness=0.01, friction=0.1)
+    cloth = wc.Cloth.grid((0.02, 0.02), (2, 2), soft, transform=(-0.5, 0.003, 0.02), velocity=(20.0, 0.1, -2.0))
+    model = wc.Model.build([cloth], [obstacle], precision="float64", differentiable=True)
+    rollout = Rollout(wc.Simulation(model, "xpbd", gravity=(0, 0, 0), substeps=1), 1)
+    assert_slopes_agree(RandomLoss(rollout), h=1e-7, together=True)
+    assert rollout.end.particle_q.numpy()[:, 2].min() > 0.0
+
+
 def test_what_sticks_keeps_its_place():
     """With much friction the end is the start: ∂x/∂x₀ is the identity, and ∂x/∂g is zero."""
     fabric = wc.Fabric(thickness=0.01, friction=2.0)

@@ -79,6 +79,29 @@ def test_knots_are_joined_for_a_while_in_worlds_in_which_the_guard_has_held_some
     assert left == [[0, 30 - k] for k in range(31)] + [[0, 0]]
 
 
+def test_how_long_knots_are_joined_goes_along_with_a_world_and_ends_with_a_reset():
+    cloth = wc.Cloth.grid((0.02, 0.02), (3, 3))
+    both, left = (wc.Simulation(wc.Model.build_worlds([([cloth], [])] * n), "xpbd", contact="all") for n in (2, 1))
+    both.contact.cloths.knots.wary.assign([7, 30])
+    left.continue_from(both, [1])
+    assert left.contact.cloths.knots.wary.numpy().tolist() == [30]
+    both.reset(worlds=[False, True])
+    assert both.contact.cloths.knots.wary.numpy().tolist() == [7, 0]
+
+
+def test_what_an_earlier_pass_left_crossing_is_no_knot_if_a_further_one_parts_it():
+    """Only worlds that take part in the further pass are looked at again."""
+    cloths, _, _ = crossing_sheets([])
+    crossed, further = cloths.knots.crossed.world, cloths.further
+    crossed.assign([1, 1])
+    further.world_next.assign([0, 1])
+    kernel = cloths.kernels.contact_load.begin_pass
+    wp.launch(kernel, dim=2, outputs=[further, crossed], device=cloths.model.device)
+    assert crossed.numpy().tolist() == [1, 0]
+    assert further.world_now.numpy().tolist() == [0, 1]
+    assert not further.world_next.numpy().any()
+
+
 def test_a_heap_of_silk_comes_undone():
     """Silk slides off a ball. Without knots particles were held back 466 times, the same again and again, and in finer
     cloth the heap hung in the air."""

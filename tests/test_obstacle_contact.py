@@ -163,6 +163,19 @@ def test_nothing_tunnels_at_20_metres_a_second(shape, mover):
     assert sim.metrics()["max_penetration_m"] == 0.0
 
 
+@pytest.mark.parametrize("shape", ["capsule", "box"])
+@pytest.mark.parametrize("substeps", [1, 4])
+def test_nothing_tunnels_at_a_flat_angle(shape, substeps):
+    """Along 33 cm while it falls by 3 cm: in each of many looks for the surface it is nearer by a tenth only."""
+    cloth = patch(size=0.01, resolution=2, transform=(-0.5, 0.0, 0.012), velocity=(20.0, 0.0, -2.0))
+    model = wc.Model.build(cloth, type(THIN[shape])(**{**THIN[shape].__dict__, "friction": 0.0}))
+    sim = wc.Simulation(model, "xpbd", gravity=(0, 0, 0), substeps=substeps)
+    sim.run(2)
+    x = sim.state.particle_q.numpy()
+    assert x[:, 0].min() > 0.1
+    assert x[:, 2].min() > 0.003 - 1e-3
+
+
 @pytest.mark.parametrize("shape", ["plane", "box", "mesh"])
 @pytest.mark.parametrize("substeps", [20, 200])
 def test_restitution_acts_on_the_approach_speed(shape, substeps):
@@ -172,6 +185,26 @@ def test_restitution_acts_on_the_approach_speed(shape, substeps):
     sim = wc.Simulation(wc.Model.build(cloth, obstacle, precision="float64"), gravity=(0, 0, 0), substeps=substeps)
     sim.run(6)
     assert np.allclose(sim.state.particle_qd.numpy()[:, 2], 1.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", ["plane", "mesh"])
+@pytest.mark.parametrize(("cloth", "obstacle"), [(0.9, 0.1), (0.9, 0.0)])
+def test_the_friction_of_cloth_and_obstacle_is_the_geometric_mean_of_theirs(shape, cloth, obstacle):
+    floor = type(RESTS[shape][0])(**{**RESTS[shape][0].__dict__, "friction": obstacle})
+    sliding = patch(resolution=3, transform=(0, 0, 0.003), velocity=(2.0, 0.0, 0.0), friction=cloth)
+    sim = wc.Simulation(wc.Model.build(sliding, floor, precision="float64"), "xpbd", substeps=10)
+    sim.run(6)
+    expected = 2.0 - math.sqrt(cloth * obstacle) * G * 0.1
+    assert sim.state.particle_qd.numpy()[:, 0] == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("shape", ["box", "open mesh"])
+def test_what_moves_through_a_plate_in_one_short_step_is_stopped(shape):
+    """By 10 mm, from 0.5 mm above its contact distance to far enough below it to touch it no more."""
+    cloth = patch(resolution=2, transform=(0, 0, 0.0035), velocity=(0, 0, -1.0))
+    sim = wc.Simulation(wc.Model.build(cloth, THIN[shape]), "xpbd", gravity=(0, 0, 0), substeps=1)
+    sim.step(0.01)
+    assert sim.state.particle_q.numpy()[:, 2] == pytest.approx(0.003, abs=1e-5)
 
 
 def test_what_rests_does_not_bounce():

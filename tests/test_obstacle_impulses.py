@@ -10,6 +10,7 @@ from warpcloth.contact.obstacle_support import FREE_LOOKS
 MU = 0.3
 FABRIC = wc.Fabric(stretch_stiffness=50.0, shear_stiffness=10.0, friction=MU)
 RADIUS = 0.5 * FABRIC.thickness
+ALONG = np.array([0.03, 0.0, 0.0])
 
 
 def sheet(position, **options) -> wc.Cloth:
@@ -80,3 +81,51 @@ def test_a_plane_that_was_met_is_kept_after_many_looks():
     sim.contact.place(sim.state, 0.01)
     assert direction(0.02) == pytest.approx(free, abs=1e-9)
     assert direction(1e-4 * look) == pytest.approx(kept, abs=1e-9)
+
+
+def still_force(sim: wc.Simulation, ends: np.ndarray) -> np.ndarray:
+    """Of the obstacles on particles that go to these places in a step of 10 ms [N]."""
+    end, start = sim.state.twin(), sim.state.particle_q.numpy()
+    end.particle_q.assign(ends)
+    end.particle_qd.assign((ends - start) / 0.01)
+    end.particle_f.zero_()
+    sim.contact.support.accumulate(end, 0.0)
+    return end.particle_f.numpy().copy()
+
+
+def supported(obstacle: wc.Box | wc.MeshObstacle | wc.Plane | wc.Sphere, height: float) -> wc.Simulation:
+    cloth = wc.Cloth.grid((0.02, 0.02), (2, 2), FABRIC, transform=(0.2, 0.0, height))
+    model = wc.Model.build([cloth], [obstacle], precision="float64")
+    sim = wc.Simulation(model, "implicit_euler", contact="obstacles")
+    sim.contact.place(sim.state, 0.01)
+    return sim
+
+
+@pytest.mark.parametrize("kind", ["turning", "deforming"])
+def test_what_goes_along_with_an_obstacle_is_not_rubbed_within_the_step(kind):
+    slab, turn = trimesh.creation.box((1.0, 1.0, 0.1)).apply_translation((0.0, 0.0, -0.05)), 0.03
+    if kind == "turning":
+        motion = wc.Motion.keyframes([(0.0, (0, 0, 0)), (0.01, (0, 0, 0), (0, 0, turn))])
+        obstacle = wc.Box((0, 0, -0.05), (1.0, 1.0, 0.1), motion=motion, thickness=0.0, friction=MU)
+    else:
+        samples = np.stack([slab.vertices, slab.vertices + ALONG])
+        options = {"sample_times": [0.0, 0.01], "sample_points": samples}
+        obstacle = wc.MeshObstacle(slab.vertices, slab.faces, thickness=0.0, friction=MU, **options)
+    sim = supported(obstacle, RADIUS)
+    start = sim.state.particle_q.numpy().copy()
+    turned = start @ trimesh.transformations.rotation_matrix(turn, (0, 0, 1))[:3, :3].T
+    ends = turned if kind == "turning" else start + ALONG
+    force = still_force(sim, ends - [0.0, 0.0, 0.1 * RADIUS])
+    assert force[:, 2].min() > 0.0
+    assert np.abs(force[:, :2]).max() < 1e-3 * force[:, 2].min()
+    stays = still_force(sim, start - [0.0, 0.0, 0.1 * RADIUS])
+    assert np.linalg.norm(stays[:, :2], axis=1) == pytest.approx(MU * stays[:, 2], rel=1e-3)
+
+
+def test_a_plane_that_was_met_in_an_earlier_step_is_none_in_this_one():
+    sim = supported(wc.Sphere((0.2, 0.0, 0.0), 0.5, thickness=0.0, friction=0.0), 0.502)
+    start = sim.state.particle_q.numpy().copy()
+    assert still_force(sim, start - [0.0, 0.0, 0.01])[:, 2].min() > 0.0
+    sim.contact.place(sim.state, 0.01)
+    for look in range(FREE_LOOKS + 3):  # past the sphere, and lower than its top
+        assert not still_force(sim, start + np.array([1.0 + 0.01 * look, 0.0, -0.005])).any()

@@ -65,6 +65,16 @@ def test_the_thickness_of_a_stack_does_not_depend_on_substeps(substeps):
     np.testing.assert_allclose(gaps(sim, 4), 1.0, atol=0.1)
 
 
+@pytest.mark.parametrize("speed", [1.0, -1.0])
+def test_a_stack_keeps_its_thickness_on_a_floor_that_moves(speed):
+    """What holds a pile up is the floor where it will be at the end of a step."""
+    lift = wc.Motion.keyframes([(0.0, (0, 0, 0)), (1.0, (0, 0, speed))])
+    sim = resting([(stack(4), [wc.Plane(thickness=0.001, motion=lift)])], substeps=10)
+    sim.state.particle_qd.assign(np.full((4 * 49, 3), [0.0, 0.0, speed], np.float32))
+    sim.run(40)
+    np.testing.assert_allclose(gaps(sim, 4), 1.0, atol=0.1)
+
+
 def test_what_is_no_longer_pressed_loses_its_load():
     sim = resting([(stack(4), [FLOOR])])
     sim.run(30)
