@@ -98,6 +98,7 @@ def planes_of_contacts(
     body_com: wp.array(dtype=wp.vec3),
     shape_body: wp.array(dtype=wp.int32),
     shape_friction: wp.array(dtype=wp.float32),
+    shape_margin: wp.array(dtype=wp.float32),
     particle_friction: wp.float32,
     # State in
     body_q: wp.array(dtype=wp.transform),
@@ -113,6 +114,7 @@ def planes_of_contacts(
 ):
     """Newton's soft contacts as planes. Point and velocity are the body's own, so they turn and move with it.
 
+    A shape acts as if it were its margin further out, but Newton lists points of the shape itself.
     The friction of a pair is the mean of both coefficients, as in Newton's own solvers.
     """
     row = wp.tid()
@@ -122,10 +124,13 @@ def planes_of_contacts(
     body = shape_body[shape]
     point = contact_point[row]
     velocity = contact_velocity[row]
-    if body >= 0:
+    outwards = shape_margin[shape] * contact_normal[row]
+    if body < 0:
+        point = point + outwards
+    else:
         place = body_q[body]
         twist = body_qd[body]
-        point = wp.transform_point(place, point)
+        point = wp.transform_point(place, point) + outwards
         arm = point - wp.transform_point(place, body_com[body])
         turning = wp.cross(wp.spatial_bottom(twist), arm)
         velocity = wp.spatial_top(twist) + turning + wp.transform_vector(place, velocity)

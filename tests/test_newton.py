@@ -245,6 +245,13 @@ def test_steps_in_a_graph_are_the_steps():
     for _ in range(4):
         wp.capture_launch(capture.graph)
     np.testing.assert_array_equal(a.particle_q.numpy(), roll_out(model, plain, 10, 1e-3).particle_q.numpy())
+    model.spring_stiffness.fill_(20.0)
+    for solver in (plain, caught):
+        solver.notify_model_changed(newton.ModelFlags.MODEL_PROPERTIES)
+    caught.reset(a)
+    for _ in range(4):
+        wp.capture_launch(capture.graph)
+    np.testing.assert_array_equal(a.particle_q.numpy(), roll_out(model, plain, 8, 1e-3).particle_q.numpy())
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if not INTEGRATORS[name].adaptive])

@@ -102,6 +102,19 @@ def test_cloth_is_carried_by_a_body_that_moves():
     np.testing.assert_array_equal(now.body_q.numpy(), later.body_q.numpy())
 
 
+@pytest.mark.parametrize("moves", [False, True])
+def test_cloth_lies_a_margin_off_shapes_that_have_one(moves):
+    """Newton's margin is how much further out than its surface a shape acts; here on a box that lies on its side."""
+    builder, place = newton.ModelBuilder(), wp.transform(wp.vec3(0.0, 0.0, -0.1), ACROSS)
+    add_cloth(builder, wc.Cloth.grid((0.1, 0.1), (4, 4), FABRIC, transform=(0, 0, 0.01)))
+    body = builder.add_body(xform=place, mass=1.0) if moves else -1
+    shape = newton.ModelBuilder.ShapeConfig(mu=0.5, margin=0.004)
+    builder.add_shape_box(body, xform=None if moves else place, hx=0.5, hy=0.1, hz=0.5, cfg=shape)
+    model = builder.finalize(device="cpu")
+    end = Collisions(model).roll_out(SolverMassSpring(model), 200, 1e-3)
+    np.testing.assert_allclose(end.particle_q.numpy()[:, 2], 0.004 + 0.5 * FABRIC.thickness, atol=1e-5)
+
+
 def finished(builder: newton.ModelBuilder, start: Start, friction: float) -> newton.Model:
     add_cloth(builder, start.cloth)
     model = builder.finalize(device="cpu")

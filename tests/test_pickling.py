@@ -44,3 +44,15 @@ def test_what_is_on_a_device_says_that_it_cannot_be_copied(again):
     for thing, name in ((sim, "Simulation"), (sim.model, "Model"), (sim.state, "State")):
         with pytest.raises(TypeError, match=f"A {name} is made of arrays on a device and can be neither pickled"):
             again(thing)
+
+
+@pytest.mark.parametrize("again", [lambda thing: pickle.loads(pickle.dumps(thing)), copy.deepcopy, copy.copy])
+def test_copies_of_a_tape_are_of_no_simulation(again):
+    sim = wc.Simulation(wc.Model.build(CLOTH))
+    grab = sim.grab(4)
+    grab.move((0.1, 0.1, 0.1))
+    copied = again(sim.tape)
+    grab.release()
+    assert [event.act for event in copied.events] == ["take", "move"]
+    assert copied.events == sim.tape.events[:2]
+    assert copied.hands == []

@@ -139,6 +139,10 @@ class GrabTape:
         self.events = validate.instances(events, GrabEvent, "events")
         self.hands: list[Grab] = []
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies, pickled ones too, are tapes of no simulation."""
+        return GrabTape, (list(self.events),)
+
     @property
     def taken(self) -> int:
         """How many grabs there have been."""

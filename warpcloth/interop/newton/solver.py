@@ -55,14 +55,16 @@ class SolverMassSpring(newton.solvers.SolverBase):
         super().__init__(model=model)
         self.network = network = Network(model)
         self.substeps = validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
-        self._scheme = (integrator, integrator_options)
         self._applied = AppliedForce(network)
-        self._assembly = assembly
+        self._springs = Springs(network, assembly)
+        self.forces = Forces(network, [self._springs, self._applied], model.gravity)
+        self.integrator = make_integrator(integrator, network, integrator_options)
         start = State.of(network)
         self.world_time = start.world_time
         self._force, self._scratch = start.particle_f, [start.twin(), start.twin()]
         self._planes: ContactPlanes | None = None
-        self._make_scheme()
+        self._rows = WorldRows(network)
+        self._memory = [*self.integrator.memory(), Memory(self.world_time, None)]
 
     def step(
         self,
@@ -127,23 +129,20 @@ class SolverMassSpring(newton.solvers.SolverBase):
         self._rows.clear(mask, self._memory)
 
     def notify_model_changed(self, flags: ModelFlags | int) -> None:
-        """With ``MODEL_PROPERTIES``, springs are read anew; masses, flags, gravity and contacts always are."""
+        """With ``MODEL_PROPERTIES``, springs are read anew; masses, flags, gravity and contacts always are.
+
+        Graphs that have been captured go on with what has changed, but where the first damping comes or the last goes:
+        then capture anew. What the scheme remembers stays.
+        """
         if flags & ModelFlags.MODEL_PROPERTIES:
             self.network.refresh()
-            self._make_scheme()
+            self.forces.prepare()
+            self.integrator.prepare()
+            self._springs.velocity_dependent = bool(self.network.spring_damping.numpy().any())
 
     def stable_step(self) -> float:
         """Largest step [s] that the integrator can safely take, whatever the springs' directions; maybe infinite."""
         return stability.largest_stable_step(self.network, self.integrator)
-
-    def _make_scheme(self) -> None:
-        """The forces, which may be damped where they were not, and the integrator."""
-        springs = Springs(self.network, self._assembly)
-        self.forces = Forces(self.network, [springs, self._applied], self.model.gravity)
-        name, options = self._scheme
-        self.integrator = make_integrator(name, self.network, options)
-        self._rows = WorldRows(self.network)
-        self._memory = [*self.integrator.memory(), Memory(self.world_time, None)]
 
     def _substep(self, now: State, later: State, h: float, planes: ContactPlanes | None, elapsed: float) -> None:
         network, source = self.network, self.model
@@ -185,10 +184,10 @@ class SolverMassSpring(newton.solvers.SolverBase):
             network.kernels.newton_particles.planes_of_contacts,
             dim=contacts.soft_contact_max,
             inputs=[
-                source.body_com, source.shape_body, source.shape_material_mu, source.soft_contact_mu, state.body_q,
-                state.body_qd, contacts.soft_contact_count, contacts.soft_contact_particle,
-                contacts.soft_contact_shape, contacts.soft_contact_body_pos, contacts.soft_contact_body_vel,
-                contacts.soft_contact_normal,
+                source.body_com, source.shape_body, source.shape_material_mu, source.shape_margin,
+                source.soft_contact_mu, state.body_q, state.body_qd, contacts.soft_contact_count,
+                contacts.soft_contact_particle, contacts.soft_contact_shape, contacts.soft_contact_body_pos,
+                contacts.soft_contact_body_vel, contacts.soft_contact_normal,
             ],
             outputs=[self._planes.planes],
             device=network.device,
