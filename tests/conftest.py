@@ -11,8 +11,11 @@ import warp as wp
 from hypothesis import settings
 
 wp.config.log_level = wp.LOG_WARNING
-settings.register_profile("no clock", deadline=None)  # what shares its machine may be late without being wrong
-settings.load_profile("no clock")
+# No deadlines, as what shares its machine may be late without being wrong. The same examples in every run, so that what
+# fails is what was changed; `pytest --hypothesis-profile=search` looks for new ones.
+settings.register_profile("search", deadline=None)
+settings.register_profile("repeat", deadline=None, derandomize=True)
+settings.load_profile("repeat")
 
 
 @pytest.fixture(scope="session", autouse=True)

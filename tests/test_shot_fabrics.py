@@ -13,7 +13,7 @@ from warpcloth import Fabric
 from warpcloth.fabric_library import fabrics
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.sampled_from([entry.fabric for entry in fabrics().values()]), st.floats(1e-4, 1e3), st.floats(1e-4, 1e3))
 def test_a_fabric_survives_its_material_to_the_last_bit(fabric, metres, kilograms):
     stage = Usd.Stage.CreateInMemory()

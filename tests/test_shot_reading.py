@@ -16,7 +16,7 @@ from warpcloth.scenes.shots.shot import read_shot
 from warpcloth import Fabric, MeshObstacle, Sphere
 from warpcloth.fabric_library import fabrics
 
-QUIET = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+QUIET = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 UNITS = st.fixed_dictionaries(
     {
         "up": st.sampled_from(["Y", "Z"]),

@@ -28,7 +28,7 @@ def changes(watch: Watch, counter: list[int]) -> bool:
     return len(counter) > before
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     springs=st.integers(1, 400),
     name=st.sampled_from(NAMES),
