@@ -9,7 +9,7 @@ from warpcloth import validate
 
 PARTS = ("hang", "drape", "throughput", "output", "profile", "scaling", "startup")
 SLOW_PARTS = ("scaling", "startup")  # minutes each; measured when asked for
-PEERS = ("newton_semi_implicit", "newton_style3d")
+PEERS = ("newton_semi_implicit", "newton_style3d", "blender")
 FEWEST, MOST = 4, 1024  # vertices along an edge
 REPEATS, QUICK_REPEATS = 5, 2
 QUICK_FRAMES = 12

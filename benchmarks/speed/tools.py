@@ -1,11 +1,13 @@
 """Tools that can run the two scenes, ours and others, behind one face."""
 
+import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
 import warp as wp
 
+from .blender_peer import BLENDER, BlenderRun, installed
 from .effort import PEERS
 from .scenes import DRAPE, DT, HANG, Problem, simulation
 
@@ -29,6 +31,9 @@ class Run(Protocol):
     def points(self) -> np.ndarray:
         """Positions [m], row by row of the grid, float64, shape [n², 3]."""
 
+    def processor_time(self) -> float:
+        """That the process which simulates has used so far [s]."""
+
 
 class OurRun:
     """The scene in our simulation."""
@@ -48,6 +53,10 @@ class OurRun:
         """Positions."""
         return self.simulation.state.particle_q.numpy().astype(np.float64)
 
+    def processor_time(self) -> float:
+        """Of this process."""
+        return time.process_time()
+
 
 def maker(name: str) -> Maker:
     """What starts a run of the tool of this name; a peer is imported when it is started."""
@@ -55,6 +64,8 @@ def maker(name: str) -> Maker:
         return lambda problem, n: OurRun(problem, n, name)
 
     def start(problem: Problem, n: int) -> Run:
+        if name == BLENDER:
+            return BlenderRun(problem, n)
         from .newton_peers import NewtonRun
 
         return NewtonRun(problem, n, name)
@@ -64,4 +75,5 @@ def maker(name: str) -> Maker:
 
 def usual(problem: Problem) -> tuple[str, ...]:
     """Tools that are compared on a problem unless others are asked for."""
-    return {HANG.name: ("xpbd", "newton_semi_implicit"), DRAPE.name: ("xpbd", "newton_style3d")}[problem.name]
+    newton = {HANG.name: "newton_semi_implicit", DRAPE.name: "newton_style3d"}[problem.name]
+    return ("xpbd", newton, BLENDER) if installed() else ("xpbd", newton)
