@@ -1,4 +1,4 @@
-"""STL, OFF and glTF through trimesh."""
+"""STL and glTF through trimesh."""
 
 from collections import defaultdict
 from functools import partial
@@ -14,7 +14,7 @@ from .trianglemesh import TriangleMesh
 
 
 def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
-    """The mesh in an STL, OFF, GLB or glTF file.
+    """The mesh in an STL, GLB or glTF file.
 
     Raises:
         MeshError: when trimesh cannot read it, or it holds several meshes (glTF) and none is chosen, or a sparse one.

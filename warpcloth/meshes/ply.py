@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import MeshError
-from .check import refuse_non_finite
+from .check import check_polygons
 from .trianglemesh import TriangleMesh
 from .triangulate import triangulate
 
@@ -53,20 +53,9 @@ def read_ply(path: Path) -> TriangleMesh:
     except (ValueError, LookupError, OverflowError) as error:
         why = str(error) if type(error) is ValueError else type(error).__name__
         raise MeshError(f"The mesh file '{path.name}' is damaged or not PLY ({why}).") from None
-    _check(path.stem, points, counts, corners)
+    check_polygons(path.stem, points, counts, corners)
     cuts = triangulate(points, counts, corners)
     return TriangleMesh(points, corners[cuts], uvs, None if uvs is None else uv_of_corner[cuts], path.stem)
-
-
-def _check(name: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray) -> None:
-    refuse_non_finite(points, f"mesh '{name}'")
-    small = np.flatnonzero(counts < 3)
-    if small.size:
-        raise MeshError(f"Mesh '{name}': face {small[0]} has {counts[small[0]]} corners, but needs 3 or more.")
-    outside = corners[(corners < 0) | (corners >= len(points))]
-    if outside.size:
-        what = f"a face refers to vertex {outside[0]}"
-        raise MeshError(f"Mesh '{name}': {what}, which is not one of 0 to {len(points) - 1}.")
 
 
 def _texture(
