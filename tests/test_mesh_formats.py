@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warpcloth.errors import MeshError
+from warpcloth.meshes import ply as ply_file
 from warpcloth.meshes import read_mesh
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -62,7 +63,11 @@ def ply(faces, kind: str) -> bytes:
 
 
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian", "binary_big_endian"])
-@pytest.mark.parametrize("faces", [FACES, FACES[:1], FACES[1:], FACES * 3], ids=["mixed", "arrow", "threes", "again"])
+@pytest.mark.parametrize(
+    "faces",
+    [FACES, FACES[:1], FACES[1:], FACES * 3, FACES[::-1], FACES[:2] * 40],
+    ids=["mixed", "arrow", "threes", "again", "back", "in turn"],
+)
 def test_polygons_of_ply_files_are_cut_as_those_of_obj_files(tmp_path, kind, faces):
     (tmp_path / "a.ply").write_bytes(ply(faces, kind))
     lines = [f"v {x} {y} {z}\nvt {x / 4} {y / 4}\n" for x, y, z in POINTS]
@@ -71,6 +76,15 @@ def test_polygons_of_ply_files_are_cut_as_those_of_obj_files(tmp_path, kind, fac
     got, wanted = read_mesh(tmp_path / "a.ply"), read_mesh(tmp_path / "a.obj")
     for name in ("points", "triangles", "uvs", "uv_indices"):
         np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
+
+
+def test_faces_whose_sizes_take_turns_are_not_read_each_by_itself(tmp_path, monkeypatch):
+    """Types of rows, which are slow to make, are made once for each element, however often sizes change."""
+    made = []
+    monkeypatch.setattr(ply_file, "_row", lambda *given, row=ply_file._row: made.append(given) or row(*given))
+    (tmp_path / "a.ply").write_bytes(ply(FACES[:2] * 40, "binary_little_endian"))
+    read_mesh(tmp_path / "a.ply")
+    assert len(made) == 3  # vertices, edges and faces
 
 
 def test_texture_coordinates_of_corners_of_ply_files(tmp_path):
