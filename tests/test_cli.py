@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+import warp as wp
 from pxr import Gf, Usd, UsdGeom
 from rich.text import Text
 from warpcloth.scenes import bundled_scenes
@@ -65,6 +66,13 @@ def test_what_warp_prints_stays_off_stdout(folder):
     done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, check=True)
     assert json.loads(done.stdout)["frames"] == 1
     assert "Warp" in done.stderr
+
+
+@pytest.mark.skipif(wp.is_cuda_available(), reason="there is such a device")
+def test_the_current_gpu_of_a_machine_without_one_is_one_sentence(folder, capfd):
+    """Warp, asked for it, says two lines of its own, from native code."""
+    assert run(["simulate", "napkin.toml", "--device", "cuda"]) == 2
+    assert capfd.readouterr().err == "warpcloth: Device 'cuda' is not available; this machine has: cpu.\n"
 
 
 def test_check_finds_the_cache_of_simulate_sound(folder, capfd):
