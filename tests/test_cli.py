@@ -88,6 +88,17 @@ def test_check_finds_the_cache_of_simulate_sound(folder, capfd):
     assert capfd.readouterr().out.startswith("out.usdc: sound")
 
 
+def test_a_cache_that_is_not_there_may_be_one_that_is(folder, capfd):
+    """The name of the scene is not that of its cache."""
+    assert simulate_small() == 0
+    capfd.readouterr()
+    assert run(["check", "napkin"]) == 2
+    said = "warpcloth: Cannot read napkin: there is no such file"
+    assert capfd.readouterr().err == f"{said}; did you mean 'napkin.usdc'?\n"
+    assert run(["check", "elsewhere.usdc"]) == 2
+    assert capfd.readouterr().err == "warpcloth: Cannot read elsewhere.usdc: there is no such file.\n"
+
+
 def test_check_counts_intersections_at_the_last_frame_or_at_every_one(folder, capfd):
     """A corner goes through the cloth at frame 1, and is back at frame 2."""
     assert simulate_small("-o", "out.usdc") == 0
