@@ -155,10 +155,10 @@ def _columns_of_unlike_rows(body: bytes, at: int, element: _Element, order: str)
     starts, lengths, end = _walked(body, at, element.count, properties)
     octets, columns = np.frombuffer(body, np.uint8), {}
     for i, (name, said, _) in enumerate(element.properties):
-        kind, many = properties[i][1], lengths[:, i]
-        first = starts[:, i] - kind.itemsize * (np.cumsum(many) - many)  # as if all of the values stood together
-        places = np.repeat(first, many) + kind.itemsize * np.arange(many.sum())
-        values = octets[places[:, None] + np.arange(kind.itemsize)].view(kind).ravel()
+        stored, many = properties[i][1], lengths[:, i]
+        first = starts[:, i] - stored.itemsize * (np.cumsum(many) - many)  # as if all of the values stood together
+        places = np.repeat(first, many) + stored.itemsize * np.arange(many.sum())
+        values = octets[places[:, None] + np.arange(stored.itemsize)].view(stored).ravel()
         columns[name] = _Column(values.astype(said), many)
     return columns, end
 
