@@ -35,7 +35,8 @@ class SimulationResult:
         contact: What contact among cloths did, see :class:`warpcloth.contact.ContactStage`; empty without it.
         untangled: What was done about intersections at the start, see :class:`warpcloth.untangle.Untangled`; empty if
             that was not asked for.
-        profile_ms: Mean wall time of each stage of a frame [ms], the first frame aside; empty without ``profile``.
+        profile_ms: Mean wall time of each stage of a frame [ms], the first frame aside where there are others; empty
+            without ``profile``.
         settled: Whether the cloth has come to rest.
         solver: What the integrator says of its own work, e.g. iterations; empty for explicit ones.
         interrupted: Whether it was stopped before its last frame.

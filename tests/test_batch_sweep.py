@@ -147,6 +147,8 @@ UNIFORM = 'path = "cloth.0.position.2"\nuniform = [0.3, 0.5]'
         ('path = "cloth.0.size.0"\nlog_uniform = [0, 1]', "count = 1", "each above 0"),
         ('path = "cloth.0.size.0"\nuniform = [1, 2]\nvalues = [1]', "count = 1", "must have exactly one of"),
         ('path = "cloth.0.size.0"\nvalues = [1]\nweights = [1, 2]', "count = 1", "as many weights as values, not 2"),
+        ('path = "frames"\nvalues = [1.5]\nwhole = true', "count = 1", "0 must not have 'whole' beside 'values'"),
+        ('path = "cloth.0.path"\nglob = "*.obj"\nwhole = true', "count = 1", "must not have 'whole' beside 'glob'"),
         ('path = "cloth.0.size.0"\nrange = [1, 2, 0.5]', "count = 1", "a whole number of values in its range"),
         ('path = "cloth.0.size.0"\nrange = [1, 2, 1e11]', "count = 1", "range, from 1 to 10,000,000, not 1e.11"),
         ('path = "cloth.0.size.0"\nvalues = [1, nan]', "count = 1", "finite numbers among its values, and item 1 is"),

@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+import warp as wp
 from pxr import Gf, Usd, UsdGeom
 from rich.text import Text
 from warpcloth.scenes import bundled_scenes
@@ -67,6 +68,13 @@ def test_what_warp_prints_stays_off_stdout(folder):
     assert "Warp" in done.stderr
 
 
+@pytest.mark.skipif(wp.is_cuda_available(), reason="there is such a device")
+def test_the_current_gpu_of_a_machine_without_one_is_one_sentence(folder, capfd):
+    """Warp, asked for it, says two lines of its own, from native code."""
+    assert run(["simulate", "napkin.toml", "--device", "cuda"]) == 2
+    assert capfd.readouterr().err == "warpcloth: Device 'cuda' is not available; this machine has: cpu.\n"
+
+
 def test_check_finds_the_cache_of_simulate_sound(folder, capfd):
     assert simulate_small("-o", "out.usdc") == 0
     capfd.readouterr()
@@ -78,6 +86,17 @@ def test_check_finds_the_cache_of_simulate_sound(folder, capfd):
     assert err == ""
     assert run(["check", "out.usdc"]) == 0
     assert capfd.readouterr().out.startswith("out.usdc: sound")
+
+
+def test_a_cache_that_is_not_there_may_be_one_that_is(folder, capfd):
+    """The name of the scene is not that of its cache."""
+    assert simulate_small() == 0
+    capfd.readouterr()
+    assert run(["check", "napkin"]) == 2
+    said = "warpcloth: Cannot read napkin: there is no such file"
+    assert capfd.readouterr().err == f"{said}; did you mean 'napkin.usdc'?\n"
+    assert run(["check", "elsewhere.usdc"]) == 2
+    assert capfd.readouterr().err == "warpcloth: Cannot read elsewhere.usdc: there is no such file.\n"
 
 
 def test_check_counts_intersections_at_the_last_frame_or_at_every_one(folder, capfd):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warpcloth.errors import MeshError
+from warpcloth.meshes import ply as ply_file
 from warpcloth.meshes import read_mesh
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -43,6 +44,8 @@ def test_solids_of_an_stl_file_are_one_mesh(tmp_path):
 POINTS = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (1, 0.5, 0), (0, 2, 0), (3, 0, 0), (3, 1, 0)]
 FACES = [(0, 1, 2, 3, 4), (1, 5, 2), (5, 6, 2)]  # an arrow, which is concave, and two triangles
 
+COLOURS = ("", " 0.5 0.5 0.5", " 255 0 0 255")  # of faces, in OFF files
+
 
 def ply(faces, kind: str) -> bytes:
     """As Blender writes it, with texture coordinates of vertices, and with an element that nobody asked for."""
@@ -60,7 +63,11 @@ def ply(faces, kind: str) -> bytes:
 
 
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian", "binary_big_endian"])
-@pytest.mark.parametrize("faces", [FACES, FACES[:1], FACES[1:], FACES * 3], ids=["mixed", "arrow", "threes", "again"])
+@pytest.mark.parametrize(
+    "faces",
+    [FACES, FACES[:1], FACES[1:], FACES * 3, FACES[::-1], FACES[:2] * 40],
+    ids=["mixed", "arrow", "threes", "again", "back", "in turn"],
+)
 def test_polygons_of_ply_files_are_cut_as_those_of_obj_files(tmp_path, kind, faces):
     (tmp_path / "a.ply").write_bytes(ply(faces, kind))
     lines = [f"v {x} {y} {z}\nvt {x / 4} {y / 4}\n" for x, y, z in POINTS]
@@ -69,6 +76,15 @@ def test_polygons_of_ply_files_are_cut_as_those_of_obj_files(tmp_path, kind, fac
     got, wanted = read_mesh(tmp_path / "a.ply"), read_mesh(tmp_path / "a.obj")
     for name in ("points", "triangles", "uvs", "uv_indices"):
         np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
+
+
+def test_faces_whose_sizes_take_turns_are_not_read_each_by_itself(tmp_path, monkeypatch):
+    """Types of rows, which are slow to make, are made once for each element, however often sizes change."""
+    made = []
+    monkeypatch.setattr(ply_file, "_row", lambda *given, row=ply_file._row: made.append(given) or row(*given))
+    (tmp_path / "a.ply").write_bytes(ply(FACES[:2] * 40, "binary_little_endian"))
+    read_mesh(tmp_path / "a.ply")
+    assert len(made) == 3  # vertices, edges and faces
 
 
 def test_texture_coordinates_of_corners_of_ply_files(tmp_path):
@@ -97,3 +113,41 @@ def test_faces_of_ply_files_that_are_none(tmp_path, faces, words):
     (tmp_path / "cut.ply").write_bytes(ply(FACES, "binary_little_endian")[:-3])
     with pytest.raises(MeshError, match="it ends too early"):
         read_mesh(tmp_path / "cut.ply")
+
+
+@pytest.mark.parametrize("keyword", ["OFF\n", "# by hand\n\nCOFF ", "NOFF\n", "\ufeffSTOFF\n"])
+def test_polygons_of_off_files_are_cut_as_those_of_obj_files(tmp_path, keyword):
+    """trimesh cuts concave ones into triangles that overlap."""
+    lines = [f"{x} {y} {z} 0.5 0.5 0.5 1  # {x}\n" for x, y, z in POINTS]
+    lines += [f"{len(face)} {' '.join(map(str, face))}{colour}\n" for face, colour in zip(FACES, COLOURS, strict=True)]
+    (tmp_path / "a.off").write_text(f"{keyword}{len(POINTS)} {len(FACES)} 0\n{''.join(lines)}", encoding="utf-8")
+    lines = [f"v {x} {y} {z}\n" for x, y, z in POINTS]
+    lines += ["f " + " ".join(str(i + 1) for i in face) + "\n" for face in FACES]
+    (tmp_path / "a.obj").write_text("".join(lines))
+    got, wanted = read_mesh(tmp_path / "a.off"), read_mesh(tmp_path / "a.obj")
+    for name in ("points", "triangles"):
+        np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
+    assert area(got) == pytest.approx(4.0)
+
+
+CORNERS = "0 0 0\n1 0 0\n0 1 0\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (f"4OFF\n3 1 0\n{CORNERS}3 0 1 2\n", "it does not begin with OFF"),
+        ("OFF BINARY\n", "it is binary, and only text is read"),
+        (f"OFF\n3 2 0\n{CORNERS}3 0 1 2\n", "it has 4 lines for 3 vertices and 2 faces"),
+        (f"OFF\n3 -1 0\n{CORNERS}", "it has 3 lines for 3 vertices and -1 faces"),
+        (f"OFF\n3 1 0\n{CORNERS}4 0 1 2\n", "is damaged or not OFF"),
+        (f"OFF\n3 1 0\n{CORNERS}-1 0 1 2\n", "face 0 has -1 corners, but needs 3 or more"),
+        (f"OFF\n3 1 0\n{CORNERS}3 0 1 3\n", "a face refers to vertex 3, which is not one of 0 to 2"),
+        (f"OFF\n3 0 0\n{CORNERS}", "is empty: it has 3 vertices and 0 triangles"),
+        ("OFF\n0 0 0\n", "is empty"),
+    ],
+)
+def test_damaged_off_files(tmp_path, text, words):
+    (tmp_path / "a.off").write_text(text)
+    with pytest.raises(MeshError, match=words):
+        read_mesh(tmp_path / "a.off")

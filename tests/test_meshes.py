@@ -162,6 +162,29 @@ def test_gltf_file_with_its_buffers(tmp_path):
     assert len(read_mesh(tmp_path / "model.gltf").points) == 42
 
 
+@pytest.mark.parametrize("suffix", ["gltf", "glb"])
+@pytest.mark.parametrize(("sparse", "words"), [("POSITION", r"mesh 'ball' .* \(POSITION\)"), ("indices", "indices")])
+def test_sparse_accessors_are_refused(tmp_path, suffix, sparse, words):
+    """trimesh leaves out what they change, here a vertex, and would read another shape."""
+    ball = trimesh.Scene()
+    ball.add_geometry(trimesh.creation.icosphere(1), geom_name="ball")
+
+    def made_sparse(tree):
+        primitive = tree["meshes"][0]["primitives"][0]
+        accessor = primitive["indices"] if sparse == "indices" else primitive["attributes"][sparse]
+        views = {"indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}}
+        tree["accessors"][accessor]["sparse"] = {"count": 1, **views}
+
+    exporter = trimesh.exchange.gltf
+    if suffix == "glb":
+        (tmp_path / "model.glb").write_bytes(exporter.export_glb(ball, tree_postprocessor=made_sparse))
+    else:
+        for name, data in exporter.export_gltf(ball, tree_postprocessor=made_sparse).items():
+            (tmp_path / name).write_bytes(data)
+    with pytest.raises(MeshError, match=f"'model.{suffix}' holds .*{words}.* export it without these"):
+        read_mesh(tmp_path / f"model.{suffix}")
+
+
 def test_parts_of_a_gltf_mesh_are_one_mesh_with_texture_coordinates(tmp_path):
     corners, faces = np.array(SQUARE, np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
     data = corners.tobytes() + corners[:, :2].tobytes() + faces.tobytes()

@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, Vt
+from shot_files import small_shot
 from usd_shots import FPS, LAST, write_shot
-from warpcloth.scenes import export_scene
+from warpcloth.scenes import export_scene, simulate
 from warpcloth.scenes.usd import check_cache
+from warpcloth.scenes.usd.playback import Playback
 
 from warpcloth import Plane, load_scene
-from warpcloth.errors import InputError
+from warpcloth.errors import InputError, UsdError
 
 FLAG = "/World/Cloth/red_flag"
 
@@ -198,3 +200,17 @@ def test_what_is_no_path_is_said_to_be_none():
         for path in (5, None, b"shot.usdc"):
             with pytest.raises(InputError, match="Path must be the path of a file, got"):
                 call(path)
+
+
+@pytest.mark.parametrize("ending", ["usda", "usdc"])
+def test_what_is_only_a_part_of_a_shot_says_what_to_open(tmp_path, ending):
+    """The layer of frames alone has no meshes, and the shot without its stage has none either."""
+    shot = simulate(small_shot(tmp_path / "shot.usda"), tmp_path / f"out.{ending}", frames=1, device="cpu").output
+    (layer,) = tmp_path.glob("*.cache.usdc")
+    with pytest.raises(UsdError, match=rf"nothing to play in .*{layer.name}: .* open out.{ending}, which has both\."):
+        Playback(layer)
+    renamed = layer.rename(tmp_path / "frames.usdc")
+    with pytest.raises(UsdError, match=r"Nothing to check in .*frames.usdc: .* a sublayer over shot.usda\."):
+        check_cache(renamed)
+    with pytest.raises(UsdError, match=rf"Nothing to check in .*: it is incomplete: could not load .*{layer.name}@"):
+        check_cache(shot)

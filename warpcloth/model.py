@@ -307,6 +307,8 @@ def find_device(device: Any) -> wp.Device:
         InputError: there is no such device; the sentence lists those there are.
     """
     try:
+        if isinstance(device, str) and device == "cuda" and not wp.is_cuda_available():
+            raise ValueError("no CUDA")  # of which Warp would complain on stderr, too
         return wp.get_device(device)
     except (ValueError, RuntimeError, TypeError) as error:
         names = ", ".join(str(d) for d in wp.get_devices())

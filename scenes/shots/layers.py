@@ -16,7 +16,7 @@ from ..usd.clock import Clock
 from ..usd.failures import as_usd_error
 from ..usd.frames import FrameWriter, SampledCloth
 from ..usd.growing import GrowingStage
-from ..usd.paths import Target, output_target, publish
+from ..usd.paths import Target, cache_of_shot, output_target, publish
 from ..usd.stage import ASSET, PROVENANCE, new_stage, with_provenance
 from ..usd.writer import check_rate
 from .cloth_over import ClothOver, single_out
@@ -49,7 +49,7 @@ class ShotWriter(FrameWriter):
     def __init__(self, path: str | os.PathLike, shot: Shot, fps: float, provenance: Mapping[str, Any], frames: int = 0):
         check_rate(fps)
         self._target = output_target(path)
-        cache = Target(_cache_file(self._target))
+        cache = Target(cache_of_shot(self._target))
         spare((self._target.final, cache.final), layer_files(shot.stage), f"stage {shot.path.name}")
         self._shot = shot
         rate = shot.stage.GetTimeCodesPerSecond()
@@ -101,14 +101,6 @@ class ShotWriter(FrameWriter):
         if not self._closed:
             super().abort()
             self._target.discard()
-
-
-def _cache_file(target: Target) -> Path:
-    """Where the cache layer of a shot is; before it is packed, in a folder of its own."""
-    if target.final.suffix == ".usdz":
-        return target.folder / f"{target.final.stem}.cache.usdc"
-    whole = target.final.stem if target.final.suffix == ".usda" else target.final.name
-    return target.final.with_name(f"{whole}.cache.usdc")
 
 
 @dataclass(frozen=True)

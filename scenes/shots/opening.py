@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from warpcloth.errors import UsdError
 from warpcloth.meshes.stage_units import si_matrix
 
-from ..usd.opening import frame_rate, open_stage
+from ..usd.opening import frame_rate, incomplete, open_stage
 from ..usd.value_types import refuse_other_types
 from .notes import NOTES, agree, plain
 
@@ -24,11 +24,9 @@ def open_shot(path: str | os.PathLike) -> Usd.Stage:
         UsdError: when the file or something that it refers to cannot be read.
     """
     stage = open_stage(path)
-    errors = stage.GetCompositionErrors()
-    if errors:
-        text = " ".join(str(errors[0]).split()).rstrip(".")
-        more = f" (and {len(errors) - 1} more such problems)" if len(errors) > 1 else ""
-        raise UsdError(f"Cannot use {Path(path).name}, which is incomplete: {text[:1].lower()}{text[1:]}{more}.")
+    fault = incomplete(stage)
+    if fault:
+        raise UsdError(f"Cannot use {Path(path).name}, which is incomplete: {fault}.")
     return stage
 
 

@@ -14,7 +14,7 @@ from ...facets import faceted
 from ...intersections import count_intersections
 from ...obstacles import Obstacle
 from .check_samples import SampleCheck
-from .check_stage import metadata_errors, range_errors, validator_errors
+from .check_stage import metadata_errors, range_errors, validator_errors, why_nothing_is_sampled
 from .failures import as_usd_error, quietly
 from .obstacle_reader import is_collider, read_obstacles
 from .opening import frame_rate, open_stage
@@ -50,7 +50,7 @@ class _Check:
         self.path, self.stage = path, stage
         prims = simulated_prims(stage)
         if not prims:
-            raise UsdError(f"Nothing to check in {path}: no mesh in it has sampled points.")
+            raise UsdError(f"Nothing to check in {path}: {why_nothing_is_sampled(stage)}.")
         self.ours = any(role_of(prim) for prim in prims)
         self.errors = metadata_errors(stage, self.ours)
         self.checks = [SampleCheck(prim) for prim in prims]

@@ -1,7 +1,11 @@
 """Checks of a stage as a whole: its metadata, and what the validators of others say."""
 
+from pathlib import Path
+
 from pxr import Usd, UsdValidation
 
+from .opening import incomplete
+from .paths import shot_of_cache
 from .stage import ASSET, PROVENANCE
 
 METADATA = (
@@ -15,6 +19,21 @@ METADATA = (
     "defaultPrim",
 )
 NOT_FAULTS = ("UsdAsciiPerformanceChecker",)  # advises against .usda, which whoever asked for it wants
+
+
+def why_nothing_is_sampled(stage: Usd.Stage) -> str:
+    """Why a stage has no mesh with sampled points, and what has; it follows a colon."""
+    fault = incomplete(stage)
+    if fault:
+        return f"it is incomplete: {fault}"
+    layer = stage.GetRootLayer()
+    facts = layer.customLayerData.get(PROVENANCE)
+    asset = facts.get(ASSET) if isinstance(facts, dict) else None
+    if asset is None or layer.subLayerPaths:
+        return "no mesh in it has sampled points"
+    shot = shot_of_cache(Path(layer.realPath))
+    right = f"make it a sublayer over {asset}" if shot is None else f"open {shot.name}, which has both"
+    return f"it has the frames of a shot but none of its meshes; {right}"
 
 
 def metadata_errors(stage: Usd.Stage, ours: bool) -> list[str]:

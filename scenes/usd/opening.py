@@ -1,6 +1,7 @@
 """Opening a stage to read it."""
 
 import os
+from difflib import get_close_matches
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
@@ -26,7 +27,9 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
     if file.is_dir():
         raise UsdError(f"Cannot read {path}: it is a folder, not a USD file.")
     if not file.exists():
-        raise UsdError(f"Cannot read {path}: there is no such file.")
+        beside = [other.name for other in file.parent.glob("*") if other.suffix in READABLE]
+        near = get_close_matches(file.name, sorted(beside), n=1)
+        raise UsdError(f"Cannot read {path}: there is no such file{f'; did you mean {near[0]!r}?' if near else '.'}")
     if file.suffix not in READABLE:
         raise UsdError(f"Cannot read {path}: the name of a USD file ends in {', '.join(READABLE[:-1])} or .usdz.")
     if file.stat().st_size == 0:
@@ -42,6 +45,16 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
     if fault:
         raise UsdError(f"Cannot use {file.name}: {fault}.")
     return stage
+
+
+def incomplete(stage: Usd.Stage) -> str | None:
+    """What the stage refers to and OpenUSD did not find or could not use; None: it has everything."""
+    errors = stage.GetCompositionErrors()
+    if not errors:
+        return None
+    text = " ".join(str(errors[0]).split()).rstrip(".")
+    more = f" (and {len(errors) - 1} more such problems)" if len(errors) > 1 else ""
+    return f"{text[:1].lower()}{text[1:]}{more}"
 
 
 def frame_rate(stage: Usd.Stage) -> float:

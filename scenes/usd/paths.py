@@ -13,6 +13,7 @@ from ...validate import at_home, file_path, is_utf8
 
 FORMATS = (".usd", ".usdc", ".usda", ".usdz")
 BINARY = (".usd", ".usdc")  # a .usd may be of either kind; the binary one is what it usually is
+LAYER = ".cache.usdc"  # how the name of a shot's cache layer ends
 
 
 def _own_mark() -> str:
@@ -80,6 +81,21 @@ def output_target(path: str | os.PathLike) -> Target:
         why = "its name is too long" if error.errno == errno.ENAMETOOLONG else f"the folder {folder} is not writable"
         raise UsdError(f"Cannot write the cache {name}: {why}.") from error
     return target
+
+
+def cache_of_shot(shot: Target) -> Path:
+    """Where the cache layer of a shot is; before it is packed, in a folder of its own."""
+    if shot.final.suffix == ".usdz":
+        return shot.folder / f"{shot.final.stem}{LAYER}"
+    whole = shot.final.stem if shot.final.suffix == ".usda" else shot.final.name
+    return shot.final.with_name(f"{whole}{LAYER}")
+
+
+def shot_of_cache(cache: Path) -> Path | None:
+    """The shot that a cache layer belongs to; None where there is none beside it."""
+    whole = cache.name.removesuffix(LAYER)
+    shot = cache.with_name(whole if Path(whole).suffix in BINARY else f"{whole}.usda")
+    return shot if cache.name.endswith(LAYER) and shot.is_file() else None
 
 
 def publish(target: Target) -> None:

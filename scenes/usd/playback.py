@@ -11,6 +11,7 @@ from ...errors import UsdError
 from ...obstacles import Obstacle
 from ...transforms import apply
 from .check import simulated_prims
+from .check_stage import why_nothing_is_sampled
 from .faces import mesh_triangles
 from .failures import as_usd_error, quietly
 from .obstacle_reader import read_obstacles
@@ -81,7 +82,7 @@ class Playback:
         with as_usd_error(f"Cannot read {path}"), quietly():
             prims = simulated_prims(self.stage)
             if not prims:
-                raise UsdError(f"There is nothing to play in {path}: no mesh in it has sampled points.")
+                raise UsdError(f"There is nothing to play in {path}: {why_nothing_is_sampled(self.stage)}.")
             self.codes = sorted(
                 {code for prim in prims for code in UsdGeom.PointBased(prim).GetPointsAttr().GetTimeSamples()}
             )

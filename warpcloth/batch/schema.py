@@ -56,6 +56,8 @@ class ParameterTable(Choice):
             raise refuse(f"must have a standard deviation of 0 or more, not {self.normal[1]:g}")
         if self.weights is not None and len(self.weights) != len(self.values or ()):
             raise refuse(f"must have as many weights as values, not {len(self.weights)} for {len(self.values or ())}")
+        if self.whole and self.chosen in ("values", "glob"):
+            raise refuse(f"must not have 'whole' beside {self.chosen!r}, which are taken as they are; leave it out")
         return self
 
 

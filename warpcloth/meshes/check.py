@@ -33,6 +33,28 @@ def checked_arrays(points: Any, triangles: Any, label: str) -> tuple[np.ndarray,
     return vertices, faces
 
 
+def check_polygons(name: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray) -> None:
+    """Refuses what cannot be cut into triangles.
+
+    Args:
+        name: of the mesh.
+        points: [m], shape [n, 3].
+        counts: corners of each face, shape [f].
+        corners: vertex of each corner, face after face.
+
+    Raises:
+        MeshError: on non-finite points, a face of fewer than three corners, or a vertex that there is not.
+    """
+    refuse_non_finite(points, f"mesh '{name}'")
+    small = np.flatnonzero(counts < 3)
+    if small.size:
+        raise MeshError(f"Mesh '{name}': face {small[0]} has {counts[small[0]]} corners, but needs 3 or more.")
+    outside = corners[(corners < 0) | (corners >= len(points))]
+    if outside.size:
+        what = f"a face refers to vertex {outside[0]}"
+        raise MeshError(f"Mesh '{name}': {what}, which is not one of 0 to {len(points) - 1}.")
+
+
 def check_areas(points: np.ndarray, triangles: np.ndarray, label: str) -> None:
     """Refuses triangles without area.
 

@@ -1,4 +1,4 @@
-"""STL, OFF and glTF through trimesh."""
+"""STL and glTF through trimesh."""
 
 from collections import defaultdict
 from functools import partial
@@ -14,10 +14,10 @@ from .trianglemesh import TriangleMesh
 
 
 def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
-    """The mesh in an STL, OFF, GLB or glTF file.
+    """The mesh in an STL, GLB or glTF file.
 
     Raises:
-        MeshError: when trimesh cannot read it, or it holds several meshes (glTF) and none is chosen.
+        MeshError: when trimesh cannot read it, or it holds several meshes (glTF) and none is chosen, or a sparse one.
     """
     import trimesh
 
@@ -30,6 +30,8 @@ def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
             scene = trimesh.load_scene(content, kind, resolver, process=False, skip_materials=True)
         else:
             scene = trimesh.load_scene(path, process=False)
+    except MeshError:
+        raise
     except Exception as error:  # whatever the parsers of damaged files raise
         lines = str(error).strip().splitlines() or [type(error).__name__]
         raise MeshError(

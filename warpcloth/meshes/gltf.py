@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import MeshError
+
 TEXTURE = "_WARPCLOTH_ST"  # trimesh hands attributes that begin with an underscore through
 Y_UP_TO_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
+_READ = ("POSITION", "TEXCOORD_0", "indices")
 _HEADER = struct.Struct("<4sII")  # magic, version, length
 _CHUNK = struct.Struct("<I4s")  # length, type
 
@@ -19,17 +22,18 @@ def with_texture_attribute(path: Path) -> io.BytesIO:
     """The file with each TEXCOORD_0 also under the name ``TEXTURE``; origin at the upper left, as glTF has it.
 
     Raises:
+        MeshError: when it holds a mesh in a sparse accessor, of which trimesh reads all but what makes it sparse.
         ValueError, KeyError, …: when the file is not glTF.
     """
     content = path.read_bytes()
     if path.suffix.lower() == ".gltf":
-        return io.BytesIO(_renamed(content))
+        return io.BytesIO(_renamed(content, path.name))
     magic, version, _ = _HEADER.unpack_from(content)
     length, kind = _CHUNK.unpack_from(content, _HEADER.size)
     if magic != b"glTF" or kind != b"JSON":
         raise ValueError("incorrect header on GLB file")
     start = _HEADER.size + _CHUNK.size
-    text = _renamed(content[start : start + length])
+    text = _renamed(content[start : start + length], path.name)
     text += b" " * (-len(text) % 4)
     rest = content[start + length :]
     total = start + len(text) + len(rest)
@@ -46,11 +50,21 @@ def gltf_texture(mesh: Any) -> np.ndarray | None:
     return np.stack([u, 1.0 - v], axis=1)
 
 
-def _renamed(text: bytes) -> bytes:
+def _renamed(text: bytes, file: str) -> bytes:
     tree = json.loads(text)
-    for mesh in tree.get("meshes", []):
+    for number, mesh in enumerate(tree.get("meshes", [])):
         for primitive in mesh["primitives"]:
+            _refuse_sparse(primitive, tree, f"The mesh file '{file}' holds mesh {mesh.get('name', number)!r}")
             attributes = primitive["attributes"]
             if "TEXCOORD_0" in attributes:
                 attributes[TEXTURE] = attributes["TEXCOORD_0"]
     return json.dumps(tree).encode()
+
+
+def _refuse_sparse(primitive: dict[str, Any], tree: dict[str, Any], where: str) -> None:
+    """What only lists its differences from other values, or from zeros: trimesh would take these for the values."""
+    for name, accessor in {**primitive["attributes"], "indices": primitive.get("indices")}.items():
+        if name in _READ and accessor is not None and "sparse" in tree["accessors"][accessor]:
+            raise MeshError(
+                f"{where} in part in a sparse accessor ({name}), which is not read; export it without these."
+            )

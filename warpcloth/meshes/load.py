@@ -11,8 +11,8 @@ from .assets import resolve_asset
 from .trianglemesh import TriangleMesh
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-TRIMESH_SUFFIXES = (".stl", ".off", ".glb", ".gltf")
-SUFFIXES = (".obj", ".ply", *TRIMESH_SUFFIXES, *USD_SUFFIXES)
+TRIMESH_SUFFIXES = (".stl", ".glb", ".gltf")
+SUFFIXES = (".obj", ".ply", ".off", *TRIMESH_SUFFIXES, *USD_SUFFIXES)
 
 
 def read_mesh(path: Any, prim: str | None = None, *, join: bool = False) -> TriangleMesh:
@@ -71,6 +71,10 @@ def _read(file: Path, suffix: str, prim: str | None, join: bool) -> TriangleMesh
             from .ply import read_ply
 
             return read_ply(file)
+        if suffix == ".off":
+            from .off import read_off
+
+            return read_off(file)
         if suffix in USD_SUFFIXES:
             from .usd import read_usd
 

@@ -1,6 +1,7 @@
 """PLY: polygons of any size, in text or binary, with texture coordinates of vertices or of corners."""
 
 import re
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import MeshError
-from .check import refuse_non_finite
+from .check import check_polygons
 from .trianglemesh import TriangleMesh
 from .triangulate import triangulate
 
@@ -33,6 +34,17 @@ class _Element:
     properties: list[tuple[str, str, str | None]]
 
 
+@dataclass(frozen=True)
+class _Column:
+    """Values of a property, row after row, and how many each row has: one, where it is no list."""
+
+    values: np.ndarray
+    lengths: np.ndarray
+
+
+_Columns = dict[str, _Column]
+
+
 def read_ply(path: Path) -> TriangleMesh:
     """The faces of a PLY file, vertices in the file's order.
 
@@ -41,60 +53,40 @@ def read_ply(path: Path) -> TriangleMesh:
     """
     try:
         tables = dict(_tables(path.read_bytes()))
-        vertices, faces = tables.get("vertex", []), tables.get("face", [])
-        points = np.stack([_column(vertices, axis) for axis in "xyz"], axis=1).astype(float) if vertices else None
-        name = next((name for name in _CORNERS if faces and name in (faces[0].dtype.names or ())), None)
+        vertices, faces = tables.get("vertex", {}), tables.get("face", {})
+        points = np.stack([vertices[axis].values for axis in "xyz"], axis=1).astype(float) if vertices else None
+        name = next((name for name in _CORNERS if name in faces), None)
         if points is None or name is None:
             raise MeshError(f"'{path.stem}' holds no triangle mesh.")
-        counts, corners = _lengths(faces, name), _column(faces, name).astype(np.int64)
+        counts, corners = faces[name].lengths, faces[name].values.astype(np.int64)
         uvs, uv_of_corner = _texture(vertices, faces, counts, corners)
     except MeshError:
         raise
     except (ValueError, LookupError, OverflowError) as error:
         why = str(error) if type(error) is ValueError else type(error).__name__
         raise MeshError(f"The mesh file '{path.name}' is damaged or not PLY ({why}).") from None
-    _check(path.stem, points, counts, corners)
+    check_polygons(path.stem, points, counts, corners)
     cuts = triangulate(points, counts, corners)
     return TriangleMesh(points, corners[cuts], uvs, None if uvs is None else uv_of_corner[cuts], path.stem)
 
 
-def _check(name: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray) -> None:
-    refuse_non_finite(points, f"mesh '{name}'")
-    small = np.flatnonzero(counts < 3)
-    if small.size:
-        raise MeshError(f"Mesh '{name}': face {small[0]} has {counts[small[0]]} corners, but needs 3 or more.")
-    outside = corners[(corners < 0) | (corners >= len(points))]
-    if outside.size:
-        what = f"a face refers to vertex {outside[0]}"
-        raise MeshError(f"Mesh '{name}': {what}, which is not one of 0 to {len(points) - 1}.")
-
-
 def _texture(
-    vertices: list[np.ndarray], faces: list[np.ndarray], counts: np.ndarray, corners: np.ndarray
+    vertices: _Columns, faces: _Columns, counts: np.ndarray, corners: np.ndarray
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """Texture coordinates [k, 2], and which of them each corner has."""
-    given = _TEXTURE_OF_CORNERS in (faces[0].dtype.names or ())
-    if given and np.array_equal(_lengths(faces, _TEXTURE_OF_CORNERS), 2 * counts):
-        uvs = _column(faces, _TEXTURE_OF_CORNERS).astype(float).reshape(-1, 2)
+    given = faces.get(_TEXTURE_OF_CORNERS)
+    if given is not None and np.array_equal(given.lengths, 2 * counts):
+        uvs = given.values.astype(float).reshape(-1, 2)
         return (uvs if np.isfinite(uvs).all() else None), np.arange(len(corners))
     for pair in _TEXTURE:
-        if set(pair) <= set(vertices[0].dtype.names or ()):
-            uvs = np.stack([_column(vertices, name) for name in pair], axis=1).astype(float)
+        if set(pair) <= set(vertices):
+            uvs = np.stack([vertices[name].values for name in pair], axis=1).astype(float)
             return (uvs if np.isfinite(uvs).all() else None), corners
     return None, corners
 
 
-def _column(rows: list[np.ndarray], name: str) -> np.ndarray:
-    return np.concatenate([run[name].ravel() for run in rows])
-
-
-def _lengths(rows: list[np.ndarray], name: str) -> np.ndarray:
-    """Lengths of the lists of a property, one for each row."""
-    return np.concatenate([np.full(len(run), run[name].shape[1], np.int64) for run in rows])
-
-
-def _tables(content: bytes) -> Iterator[tuple[str, list[np.ndarray]]]:
-    """Each element's name and rows, as structured arrays of one or more rows whose lists are equally long."""
+def _tables(content: bytes) -> Iterator[tuple[str, _Columns]]:
+    """Each element's name and columns; none where it has no rows."""
     header = _HEADER.match(content)
     if header is None:
         raise ValueError("it has no header")
@@ -103,11 +95,8 @@ def _tables(content: bytes) -> Iterator[tuple[str, list[np.ndarray]]]:
     if not order:  # text, of which all in double precision is as good as binary
         body = np.array(body.split(), float).tobytes()
     for element in elements:
-        rows = []
-        for run in _runs(body, at, element, order):
-            rows.append(run if order else run.astype(_as_said(run.dtype, element)))
-            at += run.nbytes
-        yield element.name, rows
+        columns, at = _columns(body, at, element, order) if element.count > 0 else ({}, at)
+        yield element.name, columns
 
 
 def _elements(header: str) -> tuple[str, list[_Element]]:
@@ -126,21 +115,21 @@ def _elements(header: str) -> tuple[str, list[_Element]]:
     return order, elements
 
 
-def _runs(body: bytes, at: int, element: _Element, order: str) -> Iterator[np.ndarray]:
-    """The rows of an element, as many at once as have lists of the same lengths."""
-    left, ahead = element.count, 1
+def _columns(body: bytes, at: int, element: _Element, order: str) -> tuple[_Columns, int]:
+    """The columns of an element that begins at a byte, and where it ends."""
+    row = _row(body, at, element, order)
     lists = [f"#{name}" for name, _, length in element.properties if length]
-    while left > 0:
-        row = _row(body, at, element, order)
-        ahead = min(ahead, left, (len(body) - at) // row.itemsize if row.itemsize else 0)
-        if ahead == 0:
-            raise ValueError("it ends too early")
-        rows = np.frombuffer(body, row, ahead, at)
-        same = np.all([rows[name] == rows[name][0] for name in lists], axis=0) if lists else np.ones(ahead, bool)
-        whole = bool(same.all())
-        run = rows if whole else rows[: int(np.argmin(same))]
-        yield run
-        left, at, ahead = left - len(run), at + run.nbytes, 2 * ahead if whole else len(run)
+    if row.itemsize * element.count <= len(body) - at:
+        rows = np.frombuffer(body, row, element.count, at)
+        if all((rows[name] == rows[name][0]).all() for name in lists):
+            columns = {}
+            for name, kind, _ in element.properties:
+                lengths = np.full(element.count, rows[name][0].size, np.int64)
+                columns[name] = _Column(rows[name].astype(kind).ravel(), lengths)
+            return columns, at + rows.nbytes
+    if not lists:
+        raise ValueError("it ends too early")
+    return _columns_of_unlike_rows(body, at, element, order)
 
 
 def _row(body: bytes, at: int, element: _Element, order: str) -> np.dtype:
@@ -157,7 +146,39 @@ def _row(body: bytes, at: int, element: _Element, order: str) -> np.dtype:
     return np.dtype(fields)
 
 
-def _as_said(row: np.dtype, element: _Element) -> np.dtype:
-    """The type of a row of text with the precision that the header gives each property."""
-    kinds = {name: kind for name, kind, _ in element.properties}
-    return np.dtype([(name, kinds.get(name, "f8"), row[name].shape) for name in row.names or ()])
+def _columns_of_unlike_rows(body: bytes, at: int, element: _Element, order: str) -> tuple[_Columns, int]:
+    """The same where lists differ in length, so that only a row says where the next one begins."""
+    properties = []
+    for _, kind, length in element.properties:
+        lead = struct.Struct((order or "=") + np.dtype(length if order else "f8").char) if length else None
+        properties.append((lead, np.dtype(order + kind if order else "f8")))
+    starts, lengths, end = _walked(body, at, element.count, properties)
+    octets, columns = np.frombuffer(body, np.uint8), {}
+    for i, (name, said, _) in enumerate(element.properties):
+        stored, many = properties[i][1], lengths[:, i]
+        first = starts[:, i] - stored.itemsize * (np.cumsum(many) - many)  # as if all of the values stood together
+        places = np.repeat(first, many) + stored.itemsize * np.arange(many.sum())
+        values = octets[places[:, None] + np.arange(stored.itemsize)].view(stored).ravel()
+        columns[name] = _Column(values.astype(said), many)
+    return columns, end
+
+
+def _walked(
+    body: bytes, at: int, count: int, properties: list[tuple[struct.Struct | None, np.dtype]]
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Where the values of each property of each row start, how many they are, both [count, properties], and the end."""
+    starts, lengths = [], []
+    for _ in range(count):
+        for lead, kind in properties:
+            size = 1
+            if lead is not None:
+                if at + lead.size > len(body):
+                    raise ValueError("it ends too early")
+                size, at = int(lead.unpack_from(body, at)[0]), at + lead.size
+            starts.append(at)
+            lengths.append(size)
+            at += size * kind.itemsize
+            if size < 0 or at > len(body):
+                raise ValueError("it ends too early" if size > 0 else "a list has a negative length")
+    shape = (count, len(properties))
+    return np.array(starts, np.int64).reshape(shape), np.array(lengths, np.int64).reshape(shape), at
