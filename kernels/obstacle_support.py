@@ -8,6 +8,10 @@ where the particle sticks: there it slips by 1/``GRIP`` of what it would without
 near the true one. The response at the end of the step makes contact exact, and for that it needs to know the impulse
 that was given here.
 
+What begins a step within the contact distance, as clothes do that are cut close to a body, is held where it is: pushed
+all the way out within the step it would leave at that way over the step, metres per second for millimetres. The
+response puts it on the surface, and gives it no velocity for that.
+
 Where a path meets an obstacle can jump as its end moves by next to nothing, from one face of a mesh to another, and
 then there may be no solution. So once a particle was in ``free_looks`` places in a step it keeps the plane that it met:
 from then on its force is continuous.
@@ -47,7 +51,7 @@ def held_by(
 ):  # fmt: skip
     """The force of an obstacle on a particle of velocity v that began the step at a in its frame, and its blocks."""
     held = Held()
-    held.depth = slop - hit.gap
+    held.depth = slop - hit.gap + wp.min(hit.start_gap + slop, real(0.0))
     if hit.found == 0 or held.depth <= real(0.0):
         held.depth = real(0.0)
         return held
@@ -72,7 +76,8 @@ def held_by(
 class Planes:
     """What each particle met in this step: where it was last (``seen``, in the world) and how often it had come to
     another place (``looks``); and the latest contact where it was deepest: the obstacle (−1: none), and in its frame
-    the contact's normal and surface, where the particle was (``spot``) and how far from it (``gap``)."""
+    the contact's normal and surface, where the particle was (``spot``), and how far from it then (``gap``) and when the
+    step began (``start_gap``)."""
 
     seen: wp.array(dtype=vec3)
     looks: wp.array(dtype=wp.int32)
@@ -81,6 +86,7 @@ class Planes:
     surface: wp.array(dtype=vec3)
     spot: wp.array(dtype=vec3)
     gap: wp.array(dtype=real)
+    start_gap: wp.array(dtype=real)
 
 
 @wp.func
@@ -106,6 +112,7 @@ def keep(planes_out: Planes, i: int, shape: int, hit: Hit, b: vec3):
     planes_out.surface[i] = hit.surface
     planes_out.spot[i] = b
     planes_out.gap[i] = hit.gap
+    planes_out.start_gap[i] = hit.start_gap
 
 
 @wp.func
@@ -116,6 +123,7 @@ def kept_hit(planes: Planes, i: int, b: vec3):
     hit.normal = planes.normal[i]
     hit.surface = planes.surface[i]
     hit.gap = planes.gap[i] + wp.dot(hit.normal, b - planes.spot[i])
+    hit.start_gap = planes.start_gap[i]
     return hit
 
 

@@ -129,3 +129,29 @@ def test_a_plane_that_was_met_in_an_earlier_step_is_none_in_this_one():
     sim.contact.place(sim.state, 0.01)
     for look in range(FREE_LOOKS + 3):  # past the sphere, and lower than its top
         assert not still_force(sim, start + np.array([1.0 + 0.01 * look, 0.0, -0.005])).any()
+
+
+GROUND = trimesh.creation.box((1.0, 1.0, 0.1)).apply_translation((0.0, 0.0, -0.05))
+
+
+@pytest.mark.parametrize("name", ["implicit_euler", "linear_implicit_euler", "implicit_midpoint", "bdf2"])
+@pytest.mark.parametrize("kind", ["plane", "mesh"])
+@pytest.mark.parametrize("substeps", [2, 20])
+def test_what_begins_within_the_contact_distance_is_put_out_of_it_and_not_thrown(name, kind, substeps):
+    """It flew several times its thickness high."""
+    common = {"thickness": RADIUS, "friction": MU}
+    floor = wc.Plane(**common) if kind == "plane" else wc.MeshObstacle.from_mesh(GROUND, **common)
+    model = wc.Model.build([sheet((0.0, 0.0, 0.5 * RADIUS))], [floor], precision="float64")
+    sim = wc.Simulation(model, name, gravity=(0.0, 0.0, 0.0), substeps=substeps, contact="obstacles")
+    sim.step(1.0 / 60.0)
+    assert sim.state.particle_q.numpy()[:, 2] == pytest.approx(2.0 * RADIUS, rel=0.05)
+    assert np.linalg.norm(sim.state.particle_qd.numpy(), axis=1).max() < 0.01
+
+
+def test_a_mesh_pushes_what_is_all_but_on_it_to_the_side_where_its_step_began():
+    """Where the way to the nearest point has no direction, that of the triangle is taken, be it its back."""
+    points, triangles = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.array([[0, 1, 2], [0, 2, 3]])
+    for faces in (triangles, triangles[:, ::-1]):
+        sim = supported(wc.MeshObstacle(points, faces, thickness=0.0, friction=0.0), -2.0 * RADIUS)
+        force = still_force(sim, sim.state.particle_q.numpy() * np.array([1.0, 1.0, 1e-3]))
+        assert force[:, 2].max() < 0.0

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+import warp as wp
 
 import warpcloth as wc
 from warpcloth.cli import run
@@ -275,3 +276,27 @@ def test_ways_out_do_not_depend_on_which_side_is_the_front(angle):
     assert np.count_nonzero(np.linalg.norm(moves[0], axis=1) > 0.5) > 10
     for other in moves[1:]:
         np.testing.assert_allclose(other, moves[0], atol=1e-9)
+
+
+def test_free_particles_leave_what_is_solid_to_their_thickness_above_it():
+    """Pins stay, and so does what is in a box without a lid: nobody says how deep that is in it."""
+    box = trimesh.creation.box((0.4, 0.4, 0.4))
+    lid = box.vertices[box.faces][:, :, 2].min(axis=1) > 0.0
+    open_box = wc.MeshObstacle(np.array(box.vertices), np.array(box.faces)[~lid])
+    cloth = wc.Cloth.grid((0.2, 0.2), (2, 2), wc.Fabric(thickness=0.01), pins=[0], transform=(0.0, 0.0, -0.1))
+    ball = wc.MeshObstacle(np.array(BALL.vertices), np.array(BALL.faces))
+    solids = [wc.Sphere((0.0, 0.0, 0.0), 0.2), ball, open_box]
+    model = wc.Model.build_worlds([([cloth], [solid]) for solid in solids], device="cpu", precision="float64")
+    model.shapes.place(model.tracks, State.of(model).world_time, 0.0)
+    out = wp.zeros_like(model.particle_q)
+    inputs = [model.particle_world, model.particle_inv_mass, model.particle_radius, model.shapes.shapes, 1e6]
+    wp.launch(
+        model.kernels.leaving.leave_solids, dim=12, inputs=[*inputs, model.particle_q, model.shapes.end],
+        outputs=[out], device="cpu",
+    )  # fmt: skip
+    begun, moved = model.particle_q.numpy(), out.numpy()
+    stay = [0, 4, *range(8, 12)]
+    assert np.array_equal(moved[stay], begun[stay])
+    assert np.linalg.norm(moved[[1, 2, 3]], axis=1) == pytest.approx(0.2 + 0.01)
+    assert np.linalg.norm(moved[[5, 6, 7]], axis=1) == pytest.approx(0.2 + 0.01, abs=2e-3)  # facets are within the ball
+    assert np.linalg.norm(np.cross(moved, begun), axis=1) == pytest.approx(0.0, abs=1e-3)  # by the shortest way

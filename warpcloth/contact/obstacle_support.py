@@ -39,7 +39,7 @@ class ObstacleSupport:
         for names, dtype in (
             (("looks", "shape"), wp.int32),
             (("seen", "normal", "surface", "spot"), model.vec3),
-            (("gap",), model.real),
+            (("gap", "start_gap"), model.real),
         ):
             for name in names:
                 setattr(self._planes, name, wp.zeros(n, dtype=dtype, device=device))
