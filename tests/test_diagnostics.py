@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from test_bending import SLIPPING, bent
 
 import warpcloth as wc
 from warpcloth import diagnostics
@@ -56,3 +57,19 @@ def test_strain_is_that_of_threads_stretched_or_compressed():
     measures = diagnostics.measure(model, state, 2.5)
     assert (measures["mean_strain"], measures["max_strain"]) == pytest.approx((0.025, 0.03), rel=1e-9)
     assert measures["time"] == 2.5
+
+
+def test_the_energy_of_friction_in_bending_is_the_work_that_it_took():
+    """Of a sheet bent from rest so far that all friction slips: its energy has no jump there."""
+    model, forces, state, term = bent("grid", SLIPPING)
+    term.slip.zero_()
+    state.particle_qd.zero_()
+    flat = model.particle_q.numpy()
+    way, work, before = state.particle_q.numpy() - flat, 0.0, np.zeros((model.particle_count, 3))
+    for share in np.linspace(0.0, 1.0, 401):
+        state.particle_q.assign(flat + share * way)
+        forces.evaluate(state)
+        f = state.particle_f.numpy()
+        work -= 0.5 * np.sum((before + f) * way) / 400.0
+        before = f.copy()
+    assert term.energy(state)["bending"] == pytest.approx(work, rel=1e-4)
