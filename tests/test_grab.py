@@ -8,6 +8,7 @@ import warp as wp
 
 import warpcloth as wc
 from warpcloth.errors import InputError
+from warpcloth.forces import Linearization
 from warpcloth.grab import GrabTape, pick
 
 DT = 1.0 / 60.0
@@ -79,14 +80,21 @@ def test_force_is_minus_the_gradient_of_the_energy_and_k_its_derivative():
     slope = (energy(q + 1e-6 * direction) - energy(q - 1e-6 * direction)) / 2e-6
     assert -np.sum(here * direction) == pytest.approx(slope, rel=1e-6)
     stretched = (force(q + 1e-6 * direction) - force(q - 1e-6 * direction)) / 2e-6
-    state.particle_q.assign(q)
-    product = simulation.model.array(np.zeros_like(q), simulation.model.vec3)
-
-    class At:
-        stiffness, damping = 1.0, 0.0
-
-    term.hessian_product(At, simulation.model.array(direction, simulation.model.vec3), product)
-    assert np.allclose(product.numpy(), -stretched, atol=1e-6 * np.abs(stretched).max())
+    state.particle_qd.assign(state.particle_qd.numpy() + direction)
+    slowed = force(q) - here
+    assert np.abs(slowed).max() > 0.01
+    model = simulation.model
+    for a, b in ((1.0, 0.0), (0.0, 1.0)):
+        at, product = Linearization(state, a, b, model.array([1.0], model.real)), wp.zeros_like(state.particle_q)
+        term.hessian_product(at, model.array(direction, model.vec3), product)
+        expected = -a * stretched - b * slowed
+        np.testing.assert_allclose(product.numpy(), expected, atol=1e-6 * np.abs(expected).max())
+        blocks = wp.zeros(model.particle_count, dtype=model.kernels.precision.mat33, device=model.device)
+        term.hessian_diagonal(at, blocks)
+        weights = np.zeros(model.particle_count)
+        np.add.at(weights, list(term.holds[0].particles), term.holds[0].weights)
+        strength = a * term.holds[0].stiffness + b * term.holds[0].damping
+        np.testing.assert_allclose(blocks.numpy(), (weights**2 * strength)[:, None, None] * np.eye(3), rtol=1e-9)
 
 
 def test_captured_frames_see_what_the_host_does():

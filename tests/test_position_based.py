@@ -194,6 +194,26 @@ def test_reset_forgets_the_steps_before():
         assert np.array_equal(sim.state.particle_q.numpy(), first) == forget
 
 
+def test_what_springs_did_is_kept_unless_the_next_step_would_expect_more_of_it_than_that():
+    """Half of an acceleration goes as far in a step √2 times as long; what is kept is that without gravity."""
+    for ratio, forgets in ((1.3, False), (1.5, True)):
+        ends = []
+        for reset in (False, True):
+            sim = wc.Simulation(
+                wc.Model.from_springs(**network(6)), "vbd", (0, 0, -9.81), substeps=1,
+                integrator_options={"iterations": 1, "warm_start": 0.5},
+            )  # fmt: skip
+            before = sim.state.particle_qd.numpy().copy()
+            sim.step(0.02)
+            springs = (sim.state.particle_qd.numpy() - before) / 0.02 + [0.0, 0.0, 9.81]
+            np.testing.assert_allclose(sim.integrator.spring_acceleration.numpy(), springs, atol=1e-9)
+            if reset:
+                sim.integrator.reset()
+            sim.step(ratio * 0.02)
+            ends.append(sim.state.particle_q.numpy())
+        assert np.array_equal(*ends) == forgets
+
+
 @pytest.mark.filterwarnings("ignore::warpcloth.errors.FabricWarning")
 @pytest.mark.parametrize("kind", ["grid", "mesh", "woven"])
 @pytest.mark.parametrize("options", [{}, {"spans": False}, {"warm_start": 0.5}], ids=str)

@@ -8,6 +8,7 @@ import warp as wp
 
 import warpcloth as wc
 from warpcloth.forces import Forces, Linearization, StrainLimit
+from warpcloth.stability import fastest_rates, rate_bounds
 from warpcloth.state import State
 
 LIMITED = wc.Fabric(
@@ -140,3 +141,13 @@ def test_captured_frames_equal_plain_ones():
             simulation.run(5)
             results.append(simulation.state.particle_q.numpy())
         assert np.array_equal(*results)
+
+
+def test_automatic_steps_know_the_second_spring():
+    """Three times as stiff as the first, it makes the fastest mode twice as fast, and so do bounds of it."""
+    model = wc.Model.build(wc.Cloth.grid((0.2, 0.2), (4, 4), wc.Fabric(bend_stiffness=0.0)), precision="float64")
+    model.spring_limit_stiffness.zero_()
+    before = *fastest_rates(model), *rate_bounds(model)
+    model.spring_limit_stiffness.assign(3.0 * model.spring_stiffness.numpy())
+    after = *fastest_rates(model), *rate_bounds(model)
+    np.testing.assert_allclose(np.array(after) / before, [2.0, 1.0, 2.0, 1.0], rtol=1e-9)

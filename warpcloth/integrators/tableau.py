@@ -18,7 +18,7 @@ class Tableau:
         a: rows of the lower triangle, the first one empty. b: weights.
         order: of the method, at most 5; checked against all order conditions (Hairer, Nørsett, Wanner, Solving Ordinary
             Differential Equations I (1993), II.2).
-        error: b minus the weights of the embedded method, for pairs.
+        error: b minus the weights of the embedded method, for pairs; that is of one order less, and checked as well.
 
     Raises:
         ValueError: the tableau is not one of an explicit method of that order.
@@ -32,12 +32,13 @@ class Tableau:
     def __post_init__(self):
         if len(self.b) > MAX_STAGES or [len(row) for row in self.a] != list(range(len(self.b))):
             raise ValueError(f"a tableau of {len(self.b)} stages needs rows of 0, 1, 2, … entries")
-        if not math.isclose(sum(self.error), 0.0, abs_tol=1e-14):
-            raise ValueError("the two methods of a pair must both have weights that sum to 1")
         for nodes in range(1, self.order + 1):
             for tree in rooted_trees(nodes):
-                if not math.isclose(np.dot(self.b, elementary_weight(tree, self.matrix)) * density(tree), 1.0):
+                weight = elementary_weight(tree, self.matrix)
+                if not math.isclose(np.dot(self.b, weight) * density(tree), 1.0):
                     raise ValueError(f"the tableau is not of order {self.order}: tree {tree} fails")
+                if self.error and nodes < self.order and abs(np.dot(self.error, weight)) > 1e-14:
+                    raise ValueError(f"the embedded method is not of order {self.order - 1}: tree {tree} fails")
 
     @cached_property
     def matrix(self) -> np.ndarray:
