@@ -29,11 +29,12 @@ MOST_SWEEPS = 16
 class PositionStep(Integrator):
     """A step h solved for the displacement δ of each particle: m (δ − δ̂)/h² = spring forces at the end of the step.
 
-    δ̂ = h v + h² f/m holds gravity and all forces but ``solved_forces``, evaluated at the start of the step. Woven
-    triangles that a scheme does not solve for are among them, and limit its step. Bending does not: where it would, its
-    force is smoothed (``kernels/bending_filter.py``), but in differentiable models. The solution begins at δ̂ plus the
-    share ``warm_start`` of what springs did in the previous step; but if it is so much longer than that one that this
-    would be further than they went in it, at δ̂ alone: what moves to and fro in short steps does not go on in long ones.
+    δ̂ = h v + h² f/m holds gravity and all forces but ``solved_forces``, evaluated at the start of the step, that of
+    pressure turned to its end (:meth:`ahead`). Woven triangles that a scheme does not solve for are among them, and
+    limit its step. Bending does not: where it would, its force is smoothed (``kernels/bending_filter.py``), but in
+    differentiable models. The solution begins at δ̂ plus the share ``warm_start`` of what springs did in the previous
+    step; but if it is so much longer than that one that this would be further than they went in it, at δ̂ alone: what
+    moves to and fro in short steps does not go on in long ones.
     """
 
     implicit = True
@@ -74,13 +75,22 @@ class PositionStep(Integrator):
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
-        forces.evaluate(state_in, without=(*self.solved_forces, *self.filtered_forces))
+        forces.evaluate(state_in, without=(*self.solved_forces, *self.filtered_forces), ahead=self.ahead(dt))
         if self._bending_filter is not None:  # none of these arrays is in use yet
             scratch = (self.displacement, state_out.particle_q, state_out.particle_qd, state_out.particle_f)
             self._bending_filter.accumulate(state_in, forces, dt, scratch)
         self.forget_shorter(model, dt)
         self.predict(model, state_in, state_out, dt)
         self.finish(model, state_in, state_out, self._solve(model, state_in, forces, dt), dt)
+
+    def ahead(self, dt: float) -> float:
+        """How far ahead [s] forces that turn with the cloth are taken: to where springs are solved.
+
+        But those expected from the step before have not turned either, and where sweeps leave much of them the two
+        cancel: with half of them expected and pressure ahead, a ball that spun in eight steps of projective dynamics a
+        frame was 1.5 times as fast after 0.25 s.
+        """
+        return dt if self.warm_start == 0.0 else 0.0
 
     def forget_shorter(self, model: Model, dt: float) -> None:
         """Before a step: forgets what springs did in one that was much shorter, if any of it is expected again."""
