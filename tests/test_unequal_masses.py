@@ -1,9 +1,12 @@
 """Cloth and chains some of whose particles are many times as heavy as others, and masses that are set later."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import warpcloth as wc
+from warpcloth.integrators.position_step import weight_contrast
 
 NEWTON = ("implicit_euler", "implicit_midpoint", "implicit_trapezoid", "bdf2")
 
@@ -45,3 +48,34 @@ def test_masses_set_later_are_those_that_count(integrator):
     for each in (late, sim):
         each.run(10)
     np.testing.assert_array_equal(late.state.particle_q.numpy(), sim.state.particle_q.numpy())
+
+
+def hemmed(weight: float) -> wc.Cloth:
+    """Cloth pinned at two corners whose last row is ``weight`` times as heavy, in springs as strong as it asks."""
+    cloth = wc.Cloth.grid((0.5, 0.5), (9, 9), pins=["top_left", "top_right"])
+    masses = cloth.masses.copy()
+    masses[:9] *= weight
+    stronger = masses.sum() / cloth.masses.sum()
+    springs = replace(
+        cloth.springs, stiffness=stronger * cloth.springs.stiffness, damping=stronger * cloth.springs.damping
+    )
+    return replace(cloth, masses=masses, springs=springs)
+
+
+def test_automatic_substeps_know_of_unequal_masses():
+    """What sweeps leave of a load on light particles grows with it: 8 % of strain were left with 6 of them."""
+    sim = wc.Simulation(wc.Model.build(hemmed(1000.0)), "xpbd")
+    sim.run(30)
+    assert sim.metrics()["mean_strain"] < 0.016
+
+
+@pytest.mark.parametrize(
+    "cloth",
+    [hemmed(1.0), wc.Cloth.disc(0.3, 8, pins=[0]), wc.Cloth.grid((0.2, 0.4), (3, 5))],
+    ids=("pinned", "disc", "free"),
+)
+def test_uniform_cloth_needs_no_more_for_its_masses(cloth):
+    model = wc.Model.build(cloth)
+    assert weight_contrast(model, model.cloths[0]) == 1.0
+    model = chain(np.full(21, 0.5))
+    assert weight_contrast(model, model.cloths[0]) == 1.0
