@@ -19,7 +19,8 @@ FADE = wp.constant(0.5)
 class Worlds:
     """Newton's method in each world: is it still at work, its iterations, the latest update (root mean square [m/s])
     with its step length, and the update that is small enough; for the next one the accuracy of the linear solve, and
-    whether the matrix is projected; totals over all steps; and how many worlds are at work or searching."""
+    whether the matrix is projected; mass and number of its free particles, over which updates are averaged; totals over
+    all steps; and how many worlds are at work or searching."""
 
     active: wp.array(dtype=wp.int32)
     searching: wp.array(dtype=wp.int32)
@@ -31,6 +32,7 @@ class Worlds:
     forcing: wp.array(dtype=wp.float64)
     project: wp.array(dtype=real)
     mass: wp.array(dtype=wp.float64)
+    count: wp.array(dtype=wp.float64)
     converged: wp.array(dtype=wp.int32)
     newton_total: wp.array(dtype=wp.int64)
     cg_total: wp.array(dtype=wp.int64)
@@ -40,23 +42,35 @@ class Worlds:
 
 
 @wp.kernel
-def reach(
+def survey(
     # Model
     thread_offset: int,
     lanes: Lanes,
+    particle_mass: wp.array(dtype=real),
+    particle_inv_mass: wp.array(dtype=real),
     # State in
     particle_q: wp.array(dtype=vec3),
     # Out
-    partial_out: wp.array(dtype=wp.float64),
+    reach_out: wp.array(dtype=wp.float64),
+    mass_out: wp.array(dtype=wp.float64),
+    count_out: wp.array(dtype=wp.float64),
 ):
-    """The largest coordinate [m] of each lane, which tells how positions are rounded."""
+    """The largest coordinate [m] of each lane, which tells how positions are rounded; mass [kg] and number of its free
+    particles, which may be others than in the step before."""
     lane = thread_offset + wp.tid()
     most = real(0.0)
+    mass = wp.float64(0.0)
+    count = wp.float64(0.0)
     for i in range(lanes.particle_start[lane], lanes.particle_end[lane]):
         x = particle_q[i]
         for axis in range(3):
             most = wp.max(most, wp.abs(x[axis]))
-    partial_out[lane] = wp.float64(most)
+        if particle_inv_mass[i] > real(0.0):
+            mass += wp.float64(particle_mass[i])
+            count += wp.float64(1.0)
+    reach_out[lane] = wp.float64(most)
+    mass_out[lane] = mass
+    count_out[lane] = count
 
 
 @wp.kernel
@@ -65,7 +79,9 @@ def start_worlds(
     lanes: Lanes,
     # State in
     takes_part: wp.array(dtype=wp.int32),
-    partial: wp.array(dtype=wp.float64),
+    reach: wp.array(dtype=wp.float64),
+    mass: wp.array(dtype=wp.float64),
+    count: wp.array(dtype=wp.float64),
     tolerance: wp.float64,
     rounding: wp.float64,
     loosest: wp.float64,
@@ -89,7 +105,9 @@ def start_worlds(
     worlds_out.project[w] = real(1.0)
     most = wp.float64(0.0)
     for lane in range(lanes.lane_start[w], lanes.lane_start[w + 1]):
-        most = wp.max(most, partial[lane])
+        most = wp.max(most, reach[lane])
+    worlds_out.mass[w] = world_sum(lanes, w, mass)
+    worlds_out.count[w] = world_sum(lanes, w, count)
     worlds_out.tolerance[w] = wp.max(tolerance, rounding * most)
     wp.atomic_add(worlds_out.at_work, 0, 1)
 
@@ -154,15 +172,20 @@ def start_search(
     direction: wp.array(dtype=vec3),
     # Out
     start_out: wp.array(dtype=vec3),
-    partial_out: wp.array(dtype=wp.float64),
+    by_mass_out: wp.array(dtype=wp.float64),
+    by_count_out: wp.array(dtype=wp.float64),
 ):
-    """Keeps the velocities from which the line search starts, and sums m |direction|²."""
+    """Keeps the velocities from which the line search starts, and sums m |direction|² and |direction|²."""
     lane = thread_offset + wp.tid()
-    total = wp.float64(0.0)
+    by_mass = wp.float64(0.0)
+    by_count = wp.float64(0.0)
     for i in range(lanes.particle_start[lane], lanes.particle_end[lane]):
         start_out[i] = particle_qd[i]
-        total += wp.float64(particle_mass[i] * wp.dot(direction[i], direction[i]))
-    partial_out[lane] = total
+        square = wp.dot(direction[i], direction[i])
+        by_mass += wp.float64(particle_mass[i] * square)
+        by_count += wp.float64(square)
+    by_mass_out[lane] = by_mass
+    by_count_out[lane] = by_count
 
 
 @wp.kernel
@@ -170,18 +193,27 @@ def start_search_worlds(
     # Model
     lanes: Lanes,
     # State in
-    partial: wp.array(dtype=wp.float64),
+    by_mass: wp.array(dtype=wp.float64),
+    by_count: wp.array(dtype=wp.float64),
     solves: Solves,
     # Out
     worlds_out: Worlds,
 ):
-    """Worlds at work try the full step first, but none of an indefinite matrix; ``at_search`` must be 0 before."""
+    """Worlds at work try the full step first, but none of an indefinite matrix; ``at_search`` must be 0 before.
+
+    An update is averaged both over mass and over particles, and the larger mean counts: by mass alone nothing would be
+    asked of what is a thousand times as light as the rest, and by number alone nothing of a few heavy particles.
+    """
     w = wp.tid()
     worlds_out.searching[w] = 0
     if worlds_out.active[w] == 0:
         return
     worlds_out.cg_iterations[w] = worlds_out.cg_iterations[w] + solves.iterations[w]
-    worlds_out.update[w] = wp.sqrt(world_sum(lanes, w, partial) / worlds_out.mass[w])
+    square = wp.float64(0.0)
+    if worlds_out.count[w] > wp.float64(0.0):
+        heavy = world_sum(lanes, w, by_mass) / worlds_out.mass[w]
+        square = wp.max(heavy, world_sum(lanes, w, by_count) / worlds_out.count[w])
+    worlds_out.update[w] = wp.sqrt(square)
     worlds_out.step[w] = wp.float64(0.0)
     if solves.indefinite[w] == 0:
         worlds_out.searching[w] = 1

@@ -7,6 +7,12 @@ that is p ∇V of its volume V = Σ x₁·(x₂×x₃)/6, so it has neither resu
     gas:    p = (p_a + p₀) V₀/V − p_a        E = −(p_a + p₀) V₀ ln(V/V₀) + p_a (V − V₀)
 
 p₀ the pressure at rest over the ambient p_a: an ideal gas of constant temperature. Volumes are summed in float64.
+
+Schemes whose springs act where a step h ends, but pressure where it began, take N at x + h v. For spun cloth turns by
+ω h meanwhile, and between a pull along the new direction and a push along the old one there is a moment that stops it:
+−p h/(σ r) of the angular momentum per second for a ball of areal density σ and radius r. At x + h v N has turned as far
+as springs have, but for what is of second order; and it still is ∇V, which has no resultant. The pressure remains that
+at x, so what a gas's stiffness allows for steps does, too.
 """
 
 import sys
@@ -92,16 +98,23 @@ def triangle_forces(
     bags: Bags,
     # State in
     particle_q: wp.array(dtype=vec3),
+    particle_qd: wp.array(dtype=vec3),
     volume: wp.array(dtype=wp.float64),
+    ahead: real,
     # Out
     tri_force_out: wp.array(dtype=vec3),
 ):
-    """p N [N] of each triangle; zero on open cloth."""
+    """p N [N] of each triangle, N being that of ``ahead`` [s] later; zero on open cloth."""
     t = wp.tid()
     f = vec3()
     if tri_bag[t] >= 0:
+        i = tri_indices[t, 0]
+        j = tri_indices[t, 1]
+        k = tri_indices[t, 2]
+        along = particle_q[j] - particle_q[i] + ahead * (particle_qd[j] - particle_qd[i])
+        across = particle_q[k] - particle_q[i] + ahead * (particle_qd[k] - particle_qd[i])
         p = pressure_at(bags, tri_bag[t], volume[tri_bag[t]])
-        f = real(p) * area_vector(t, tri_indices, particle_q)
+        f = (real(0.5) * real(p)) * wp.cross(along, across)
     tri_force_out[t] = f
 
 

@@ -49,6 +49,17 @@ def test_gradients_of_pressure_and_strain_limits():
     assert loss.gradients()["spring_limit_stiffness"][stretched].any()
 
 
+def test_gradients_of_pressure_that_turns_with_the_cloth():
+    """As position-based schemes take it: it depends on velocities, too."""
+    fabric = wc.Fabric(stretch_stiffness=200.0, shear_stiffness=50.0)
+    inflation = wc.Inflation(pressure=50.0)
+    ball = wc.Cloth.from_mesh(trimesh.creation.icosphere(0, 0.1), fabric=fabric, inflation=inflation)
+    model = wc.Model.build(ball, precision="float64", differentiable=True)
+    model.particle_qd.assign(np.cross([0.0, 0.0, 10.0], model.particle_q.numpy()))
+    rollout = Rollout(wc.Simulation(model, "xpbd", substeps=20), 1, observe=[1])
+    assert_slopes_agree(RandomLoss(rollout))
+
+
 def test_oscillator():
     """Implicit or not, gradients of one spring's linear motion are powers of the step's matrix."""
     m, k, r, h, steps = 0.05, 20.0, 0.25, 1e-3, 120

@@ -239,3 +239,21 @@ def test_the_rate_of_a_given_pressure_bounds_how_its_forces_turn():
     root = np.sqrt(np.repeat(model.particle_mass.numpy(), 3))
     fastest = np.abs(np.linalg.eigvals(np.array(columns) / np.outer(root, root))).max()
     assert fastest < load_rates(model)[0] < 6.0 * fastest
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("xpbd", {}), ("pbd", {}), ("projective_dynamics", {"warm_start": 0.0}), ("vbd", {"warm_start": 0.0})],
+)
+def test_an_inflated_ball_goes_on_spinning(name, options):
+    """Within what implicit Euler takes from it by itself; pressure that did not turn with the ball stopped it."""
+    model = wc.Model.build(bag(wc.Inflation(50.0)), precision="float64")
+    q, mass = model.particle_q.numpy(), model.particle_mass.numpy()[:, None]
+    model.particle_qd.assign(np.cross([0.0, 0.0, 10.0], q))
+    sim = wc.Simulation(model, name, (0.0, 0.0, 0.0), 40, integrator_options=options)
+    moments = []
+    for _ in range(2):
+        q, v = sim.state.particle_q.numpy(), sim.state.particle_qd.numpy()
+        moments.append(np.cross(q, mass * v).sum(axis=0)[2])
+        sim.run(15)
+    assert 0.94 * moments[0] < moments[1] < 1.02 * moments[0]

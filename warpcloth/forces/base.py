@@ -112,6 +112,19 @@ class Prepared(Protocol):
 
 
 @runtime_checkable
+class Turning(Protocol):
+    """A force that turns with the cloth: a :class:`ForceTerm` that schemes which keep it as it was when a step began
+    may ask for in the direction that it will have at the end."""
+
+    def accumulate_ahead(self, state: State, ahead: float) -> None:
+        """``accumulate`` at ``state``, but turned as far as its velocities will have turned the cloth in ``ahead`` [s].
+
+        Of the forces on something that turns freely no moment must come from that.
+        """
+        ...
+
+
+@runtime_checkable
 class Jerking(Protocol):
     """A force that comes and goes at once, as a hand does: a :class:`ForceTerm` that says where; at most one."""
 
@@ -213,8 +226,12 @@ class Forces:
         """All that forces depend on besides the state."""
         return [item for term in self.terms if isinstance(term, Remembering) for item in term.memory()]
 
-    def evaluate(self, state: State, time_offset: float = 0.0, *, without: Sequence[str] = ()) -> None:
+    def evaluate(
+        self, state: State, time_offset: float = 0.0, *, without: Sequence[str] = (), ahead: float = 0.0
+    ) -> None:
         """Writes the total force [N] at ``state`` into ``state.particle_f``.
+
+        Terms that turn with the cloth (:class:`Turning`) do so as far as it will have turned in ``ahead`` [s].
 
         ``without`` names terms of the model to leave out: those that a scheme treats in another way, such as springs as
         constraints; what the caller has named so acts all the same. What such a scheme does instead of an evaluation it
@@ -230,7 +247,10 @@ class Forces:
             inputs = [model.particle_mass, model.particle_world, self.world_gravity]
             model.launch_particles("particles", "set_gravity_force", inputs, [state.particle_f])
         for term in terms:
-            term.accumulate(state, time_offset)
+            if ahead > 0.0 and isinstance(term, Turning):
+                term.accumulate_ahead(state, ahead)
+            else:
+                term.accumulate(state, time_offset)
 
     def advance_at_once(self, start: State, end: State, move: Move) -> bool:
         """:meth:`evaluate` at ``start`` and the move from there to ``end``, another state, in one pass over memory;

@@ -37,12 +37,16 @@ class Pressure:
 
     def accumulate(self, state: State, time_offset: float) -> None:
         """Adds p N/3 [N] of every triangle to ``state.particle_f``."""
+        self.accumulate_ahead(state, 0.0)
+
+    def accumulate_ahead(self, state: State, ahead: float) -> None:
+        """The same with the area vectors of ``ahead`` [s] later; see :class:`~warpcloth.forces.base.Turning`."""
+        model = self.model
         if self._gas:
             self._measure(state)
-        law = [self.model.tri_indices, self.model.tri_bag, self._bags]
-        self._launch(
-            "triangle_forces", self.model.tri_count, [*law, state.particle_q, self._volume], self._per_triangle
-        )
+        law = [model.tri_indices, model.tri_bag, self._bags]
+        inputs = [*law, state.particle_q, state.particle_qd, self._volume, ahead]
+        self._launch("triangle_forces", model.tri_count, inputs, self._per_triangle)
         self._add_corners(state.particle_f)
 
     def energy(self, state: State) -> dict[str, float]:

@@ -100,7 +100,9 @@ class RecordedForces(Forces):
         super().__init__(forces.model, forces.terms, forces.world_gravity)
         self._recording = recording
 
-    def evaluate(self, state: State, time_offset: float = 0.0, *, without: Sequence[str] = ()) -> None:
+    def evaluate(
+        self, state: State, time_offset: float = 0.0, *, without: Sequence[str] = (), ahead: float = 0.0
+    ) -> None:
         """See :meth:`~warpcloth.forces.Forces.evaluate`."""
-        evaluate = partial(super().evaluate, state, time_offset, without=without)
+        evaluate = partial(super().evaluate, state, time_offset, without=without, ahead=ahead)
         self._recording.evaluation(evaluate, state)

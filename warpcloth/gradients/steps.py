@@ -53,7 +53,7 @@ def xpbd_step(recording: Recording, scheme: Xpbd, model: Model, start: State, en
     again.inertial, again.displacement = (wp.zeros_like(scheme.inertial, requires_grad=True) for _ in range(2))
     scheme.forget_shorter(model, dt)
     with recording:
-        recording.forces.evaluate(start, without=again.solved_forces)
+        recording.forces.evaluate(start, without=again.solved_forces, ahead=again.ahead(dt))
         again.predict(model, start, end, dt)
     for part, turn in again.pieces(start, dt):
         recording.in_place(partial(part.solve, turn, again.displacement), [again.displacement, *part.arrays])

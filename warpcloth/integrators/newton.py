@@ -43,9 +43,9 @@ class Newton:
 
     Args:
         model: the model.
-        tolerance: root mean square of the last velocity update [m/s], weighted by mass; None is 1e-10 in float64 and
-            1e-3 in float32. What the rounding of positions allows, about 1e-6 of the largest coordinate of a world per
-            γ in float32, is its lower limit.
+        tolerance: root mean square of the last velocity update [m/s], over mass or over particles, whichever is larger;
+            None is 1e-10 in float64 and 1e-3 in float32. What the rounding of positions allows, about 1e-6 of the
+            largest coordinate of a world per γ in float32, is its lower limit.
         max_iterations: Newton iterations after which a world gives up, which :meth:`metrics` reports.
         cg_tolerance: error of a linear solve relative to its solution, once the matrix is not projected; None is 1e-3
             in float64 and 0.1 in float32.
@@ -78,6 +78,7 @@ class Newton:
         self.position_base, self.velocity_base, self._start, self._residual = (
             wp.zeros_like(model.particle_q) for _ in range(4)
         )
+        self._by_mass, self._by_count = (wp.zeros_like(self.cg.partial) for _ in range(2))
         self._rounding = ROUNDING * float(np.finfo(np.float64 if double else np.float32).eps)
 
     def solve(
@@ -91,9 +92,10 @@ class Newton:
         model, worlds = self.model, self.worlds
         fill(worlds.at_work)
         taking_part = self._everywhere if takes_part is None else takes_part
-        self._launch("reach", self.cg.lane_count, [self.cg.lanes, stage.particle_q], [self.cg.partial])
+        masses, sums = [model.particle_mass, model.particle_inv_mass], [self.cg.partial, self._by_mass, self._by_count]
+        self._launch("survey", self.cg.lane_count, [self.cg.lanes, *masses, stage.particle_q], sums)
         limits = [self.tolerance, self._rounding / gamma, LOOSEST]
-        inputs = [self.cg.lanes, taking_part, self.cg.partial, *limits]
+        inputs = [self.cg.lanes, taking_part, *sums, *limits]
         self._launch("start_worlds", model.world_count, inputs, [worlds])
         place = [model.particle_inv_mass, self.position_base, gamma]
         self._launch("place", model.particle_count, place, [stage.particle_q, stage.particle_qd])
@@ -122,9 +124,10 @@ class Newton:
         problem.forces.linearize(problem.matrix)
         cg.solve(problem.forces, problem.matrix, self._residual, worlds.active, worlds.forcing)
         inputs = [cg.lanes, model.particle_mass, problem.state.particle_qd, cg.x]
-        self._launch("start_search", cg.lane_count, inputs, [self._start, cg.partial])
+        sums = [self._by_mass, self._by_count]
+        self._launch("start_search", cg.lane_count, inputs, [self._start, *sums])
         fill(worlds.at_search)
-        self._launch("start_search_worlds", model.world_count, [cg.lanes, cg.partial, cg.solves], [worlds])
+        self._launch("start_search_worlds", model.world_count, [cg.lanes, *sums, cg.solves], [worlds])
         repeat_while(worlds.at_search, lambda: self._attempt(problem))
         limits = [self.max_iterations, LOOSEST, self.cg_tolerance]
         self._launch("judge_worlds", model.world_count, [cg.solves, *limits], [worlds])
@@ -156,14 +159,11 @@ def _make_worlds(model: Model, kernels: Any) -> Any:
     groups = [
         (wp.int32, ("active", "searching", "iterations", "cg_iterations", "converged", "failures")),
         (wp.int64, ("newton_total", "cg_total")),
-        (wp.float64, ("update", "step", "tolerance", "forcing")),
+        (wp.float64, ("update", "step", "tolerance", "forcing", "mass", "count")),
         (model.real, ("project",)),
     ]
     for dtype, names in groups:
         for name in names:
             setattr(worlds, name, wp.zeros(model.world_count, dtype=dtype, device=model.device))
     worlds.at_work, worlds.at_search = (wp.zeros(1, dtype=wp.int32, device=model.device) for _ in range(2))
-    masses = np.where(model.particle_inv_mass.numpy() > 0.0, model.particle_mass.numpy(), 0.0)
-    sums = np.bincount(model.particle_world.numpy(), masses, minlength=model.world_count)
-    worlds.mass = model.array(np.maximum(sums, np.finfo(np.float64).tiny), wp.float64)
     return worlds

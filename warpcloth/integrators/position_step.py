@@ -29,11 +29,12 @@ MOST_SWEEPS = 16
 class PositionStep(Integrator):
     """A step h solved for the displacement δ of each particle: m (δ − δ̂)/h² = spring forces at the end of the step.
 
-    δ̂ = h v + h² f/m holds gravity and all forces but ``solved_forces``, evaluated at the start of the step. Woven
-    triangles that a scheme does not solve for are among them, and limit its step. Bending does not: where it would, its
-    force is smoothed (``kernels/bending_filter.py``), but in differentiable models. The solution begins at δ̂ plus the
-    share ``warm_start`` of what springs did in the previous step; but if it is so much longer than that one that this
-    would be further than they went in it, at δ̂ alone: what moves to and fro in short steps does not go on in long ones.
+    δ̂ = h v + h² f/m holds gravity and all forces but ``solved_forces``, evaluated at the start of the step, that of
+    pressure turned to its end (:meth:`ahead`). Woven triangles that a scheme does not solve for are among them, and
+    limit its step. Bending does not: where it would, its force is smoothed (``kernels/bending_filter.py``), but in
+    differentiable models. The solution begins at δ̂ plus the share ``warm_start`` of what springs did in the previous
+    step; but if it is so much longer than that one that this would be further than they went in it, at δ̂ alone: what
+    moves to and fro in short steps does not go on in long ones.
     """
 
     implicit = True
@@ -74,13 +75,22 @@ class PositionStep(Integrator):
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
-        forces.evaluate(state_in, without=(*self.solved_forces, *self.filtered_forces))
+        forces.evaluate(state_in, without=(*self.solved_forces, *self.filtered_forces), ahead=self.ahead(dt))
         if self._bending_filter is not None:  # none of these arrays is in use yet
             scratch = (self.displacement, state_out.particle_q, state_out.particle_qd, state_out.particle_f)
             self._bending_filter.accumulate(state_in, forces, dt, scratch)
         self.forget_shorter(model, dt)
         self.predict(model, state_in, state_out, dt)
         self.finish(model, state_in, state_out, self._solve(model, state_in, forces, dt), dt)
+
+    def ahead(self, dt: float) -> float:
+        """How far ahead [s] forces that turn with the cloth are taken: to where springs are solved.
+
+        But those expected from the step before have not turned either, and where sweeps leave much of them the two
+        cancel: with half of them expected and pressure ahead, a ball that spun in eight steps of projective dynamics a
+        frame was 1.5 times as fast after 0.25 s.
+        """
+        return dt if self.warm_start == 0.0 else 0.0
 
     def forget_shorter(self, model: Model, dt: float) -> None:
         """Before a step: forgets what springs did in one that was much shorter, if any of it is expected again."""
@@ -180,7 +190,7 @@ class PositionStep(Integrator):
 def cloth_scales(model: Model) -> Iterator[tuple[ClothRange, float, float, float]]:
     """Of each cloth L and a [m]: the diagonal of its bounding box, and a length than which a tenth of its in-plane
     springs are shorter, those of woven triangles being as long as the longest chord along the yarn; and gravity, with
-    what pressure adds [m/s²]."""
+    what pressure adds [m/s²], as it pulls at particles that hold heavier ones."""
     in_plane = model.spring_group.numpy() == 0
     chords = [_longest_chords(slopes.numpy()) for slopes in (model.woven.along, model.woven.across)]
     length = np.concatenate([model.spring_rest_length.numpy()[in_plane], *chords])
@@ -192,7 +202,30 @@ def cloth_scales(model: Model) -> Iterator[tuple[ClothRange, float, float, float
     for cloth, own in zip(model.cloths, np.split(length[order], bounds), strict=True):
         size = float(np.linalg.norm(np.ptp(positions[cloth.start : cloth.stop], axis=0)))
         if len(own) and size > 0.0:
-            yield cloth, size, float(np.quantile(own, 0.1)), STANDARD_GRAVITY + inflation_load(model, cloth)
+            load = (STANDARD_GRAVITY + inflation_load(model, cloth)) * weight_contrast(model, cloth)
+            yield cloth, size, float(np.quantile(own, 0.1)), load
+
+
+def weight_contrast(model: Model, cloth: ClothRange) -> float:
+    """How many times as much as in a uniform cloth light particles have to hold, at least 1.
+
+    A sweep hardly moves what is heavy, so what it leaves of a light particle's load grows with that load: with the mean
+    areal density (mass, where there are no triangles) over the one that a tenth of the particles do not reach. As a
+    pose that is stretched unevenly may look like one or two of it, 1 is taken off. A cloth of 17² vertices pinned at
+    two corners, with a hem a thousand times as heavy, then had 1.4 % of mean strain in 38 steps a frame instead of
+    10 % in 7, and with implicit Euler 0.4 %.
+    """
+    own = np.arange(cloth.start, cloth.stop)[model.particle_inv_mass.numpy()[cloth.start : cloth.stop] > 0.0]
+    mass, spread = model.particle_mass.numpy()[own].astype(np.float64), np.ones(len(own))
+    triangles = slice(cloth.tri_start, cloth.tri_stop)
+    if cloth.tri_stop > cloth.tri_start:
+        corners = model.tri_indices.numpy()[triangles]
+        area = triangle_areas(model.particle_q.numpy().astype(np.float64), corners)
+        shares = model.tri_corner_share.numpy()[triangles] * area[:, None]
+        spread = np.bincount(corners.ravel(), shares.ravel(), cloth.stop)[own]
+    if not len(own) or not (spread > 0.0).all():
+        return 1.0
+    return max(1.0, float(mass.sum() / spread.sum() / np.quantile(mass / spread, 0.1)) - 1.0)
 
 
 def inflation_load(model: Model, cloth: ClothRange) -> float:
