@@ -12,9 +12,7 @@ import warpcloth as wc
 from warpcloth.forces import MassDamping
 from warpcloth.integrators import INTEGRATORS
 
-ORDERLY = [
-    cls.name for cls in ALL if cls.order > 1
-]  # an error in time of one step does not show in the order of others
+ORDERLY = [cls.name for cls in ALL if cls.order > 1]  # in others a time that is off by a step does not show
 STEPS = {2: 32, 3: 16, 4: 16, 5: 8}
 OMEGA, START, END, PUSH, RATE = 6.0, 0.2, 0.5, 8.0, 9.0
 

@@ -73,9 +73,7 @@ def test_frames_that_cannot_get_their_name_are_kept_and_the_sentence_says_where(
     with pytest.raises(UsdError) as caught, CacheWriter(path, cloths, fps=FPS) as writer:
         write_frames(writer, cloths, range(3))
     kept = partial_of(path)
-    assert str(caught.value) == (
-        f"Cannot write the cache shot.{ending}: No space left on device; its frames are kept in {kept}."
-    )
+    assert str(caught.value) == (f"Cannot write shot.{ending}: No space left on device; its frames are kept in {kept}.")
     assert names(tmp_path) == [kept.name]
     assert last_frame(kept) == 2
 
@@ -120,7 +118,7 @@ def test_a_name_that_only_the_layer_of_a_shot_makes_too_long_is_one_sentence(tmp
     add_cloth(stage := new_stage(tmp_path / "asset.usda"))
     stage.Save()
     longest = 255 - len(f".{os.getpid()}-01234567.partial.usdc")
-    with pytest.raises(UsdError, match=r"^Cannot write the cache x+\.cache\.usdc: "):
+    with pytest.raises(UsdError, match=r"^Cannot write x+\.cache\.usdc: "):
         ShotWriter(tmp_path / f"{longest * 'x'}.{ending}", read_shot(tmp_path / "asset.usda"), 24.0, {})
     assert names(tmp_path) == ["asset.usda"]
 

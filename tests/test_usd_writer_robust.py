@@ -268,7 +268,7 @@ def test_a_full_disk_is_one_sentence_and_keeps_the_old_file(tmp_path):
     before = path.read_bytes()
     out, err = (process := run_program(program, path)).communicate(timeout=120)
     assert process.returncode == 0, err
-    assert out.startswith("Cannot write the cache shot.usdc: ")
+    assert out.startswith("Cannot write shot.usdc: ")
     assert out.count("\n") == 1
     assert path.read_bytes() == before
 

@@ -114,7 +114,7 @@ class _Files:
 
 def _layer(target: Target, source: Usd.Stage, fps: float, provenance: Mapping[str, Any]) -> Usd.Stage:
     """A new stage of nothing but the cache layer, with the units of the stage it is to go over."""
-    with as_usd_error(f"Cannot write the cache {target.final.name}"):
+    with as_usd_error(f"Cannot write {target.final.name}"):
         target.final.parent.mkdir(exist_ok=True)
     stage = new_stage(target)
     _set_units(stage, source, fps)

@@ -33,7 +33,7 @@ class GrowingStage:
         self.target = target
         self.stage = stage
         self.clock = clock
-        self._doing = f"Cannot write the cache {target.final.name}"
+        self._doing = f"Cannot write {target.final.name}"
         self._unsaved_bytes = 0
         self._saved_frames = 0
 

@@ -67,19 +67,19 @@ def output_target(path: str | os.PathLike) -> Target:
     target = Target(at_home(file_path(path, "path")).absolute())
     name, folder = target.final.name, target.final.parent
     if not is_utf8(target.final):
-        raise UsdError(f"Cannot write the cache {str(target.final)!r}: USD needs a path that is UTF-8 text.")
+        raise UsdError(f"Cannot write {str(target.final)!r}: USD needs a path that is UTF-8 text.")
     try:
         if target.final.suffix not in FORMATS:
-            raise UsdError(f"Cannot write the cache: {path} must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}.")
+            raise UsdError(f"Cannot write {path}: its name must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}.")
         if target.final.is_dir():
-            raise UsdError(f"Cannot write the cache: {path} is a folder; give a file name in it, such as cache.usdc.")
+            raise UsdError(f"Cannot write {path}: it is a folder; give a file name in it, such as cache.usdc.")
         if not folder.is_dir():
-            raise UsdError(f"Cannot write the cache {name}: the folder {folder} does not exist.")
+            raise UsdError(f"Cannot write {name}: the folder {folder} does not exist.")
         target.partial.touch(exist_ok=False)  # asking the permissions alone misses read-only mounts
         target.partial.unlink()
     except OSError as error:
         why = "its name is too long" if error.errno == errno.ENAMETOOLONG else f"the folder {folder} is not writable"
-        raise UsdError(f"Cannot write the cache {name}: {why}.") from error
+        raise UsdError(f"Cannot write {name}: {why}.") from error
     return target
 
 

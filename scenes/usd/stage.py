@@ -25,7 +25,7 @@ def new_stage(target: Target) -> Usd.Stage:
     Raises:
         UsdError: when the file cannot be made.
     """
-    with as_usd_error(f"Cannot write the cache {target.final.name}"):
+    with as_usd_error(f"Cannot write {target.final.name}"):
         return Usd.Stage.CreateNew(str(target.partial))
 
 

@@ -38,6 +38,7 @@ def build_app() -> typer.Typer:
         help="Cloth simulation on NVIDIA Warp: scenes in, USD caches out.",
         add_completion=False,
         pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
         rich_markup_mode=None,
     )
     app.callback()(_root)

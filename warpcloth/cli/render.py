@@ -67,7 +67,8 @@ def command(
             on_picture=on_picture,
         )
     width, height = result.size
-    what = f"{result.pictures} pictures at {result.fps:g} per second" if result.fps else "a picture"
+    count = "1 picture" if result.pictures == 1 else f"{result.pictures} pictures"
+    what = f"{count} at {result.fps:g} per second" if result.fps else "a picture"
     text = f"{result.output}: {what}, {width} x {height}, in {result.seconds:.1f} s"
     return Report(result.as_dict(), text)
 
