@@ -10,6 +10,7 @@ import warpcloth as wc
 from warpcloth.integrators.blocks import SpringBlocks
 from warpcloth.integrators.colouring import SpringColours
 from warpcloth.integrators.sweep_tiles import TileSweep
+from warpcloth.integrators.vbd import chebyshev_weights
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
@@ -171,6 +172,29 @@ def test_accelerated_sweeps_extrapolate_from_the_last_but_one(crumpled):
         iterates.append(weights[k] * (swept - before) + before)
         weights.append(4.0 / (4.0 - radius**2 * weights[-1]))
     moved = sim.state.particle_q.numpy() - start
+    assert np.abs(iterates[-1] - iterates[-2]).max() > 1e-3 * np.abs(moved).max()
+    assert np.abs(moved - iterates[-1]).max() < 1e-12
+
+
+def test_later_iterations_of_projective_dynamics_have_chebyshevs_weights(crumpled):
+    """The first third is plain; the others assume Gershgorin's radius, or 1/cosh(2/n) for n of them if that is less."""
+    plain, count = 2, 6
+    sim = wc.Simulation(
+        crumpled, "projective_dynamics", GRAVITY, substeps=1, integrator_options={"iterations": count}, graph=False
+    )
+    sim.step(STEP)
+    problem = ImplicitStep(crumpled, STEP)
+    pull = (problem.k_s + problem.k_d / STEP) / problem.r
+    stiffness = sum(np.bincount(ends, pull, len(problem.m)) for ends in (problem.p, problem.q))[:, None]
+    inertia = problem.m[:, None] / STEP**2
+    gershgorin = (stiffness / (inertia + stiffness))[problem.free].max()
+    radius = min(gershgorin, 1.0 / np.cosh(2.0 / (count - plain)))
+    weights = [*[1.0] * plain, *chebyshev_weights(radius, count - plain)]
+    iterates = [problem.inertial]
+    for k, weight in enumerate(weights):
+        before, now = iterates[max(k - 1, 0)], iterates[-1]
+        iterates.append(weight * (now - problem.residual(now) / (inertia + stiffness) - before) + before)
+    moved = sim.state.particle_q.numpy() - problem.x0
     assert np.abs(iterates[-1] - iterates[-2]).max() > 1e-3 * np.abs(moved).max()
     assert np.abs(moved - iterates[-1]).max() < 1e-12
 
