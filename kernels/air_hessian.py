@@ -44,6 +44,7 @@ def triangle_products(
     # State in
     world_project: wp.array(dtype=real),
     world_time: wp.array(dtype=wp.float64),
+    time_offset: wp.float64,
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
     x: wp.array(dtype=vec3),
@@ -54,7 +55,8 @@ def triangle_products(
     """``damping`` ∂F/∂u x of each triangle, x at its middle."""
     t = thread_offset + wp.tid()
     world = particle_world[tri_indices[t, 0]]
-    m = meeting_of(t, tri_indices, tri_corner_share, particle_q, particle_qd, wind, world, world_time[world])
+    time = world_time[world] + time_offset
+    m = meeting_of(t, tri_indices, tri_corner_share, particle_q, particle_qd, wind, world, time)
     c = air_damping(m, tri_air_drag[t], tri_air_friction[t], world_project[world])
     share = tri_corner_share[t]
     middle = share[0] * x[tri_indices[t, 0]] + share[1] * x[tri_indices[t, 1]] + share[2] * x[tri_indices[t, 2]]
@@ -76,6 +78,7 @@ def diagonal(
     # State in
     world_project: wp.array(dtype=real),
     world_time: wp.array(dtype=wp.float64),
+    time_offset: wp.float64,
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
     damping: real,
@@ -85,11 +88,12 @@ def diagonal(
     """Adds the 3×3 blocks on the diagonal of ``damping`` C, one thread per particle."""
     i = thread_offset + wp.tid()
     world = particle_world[i]
+    time = world_time[world] + time_offset
     total = mat33()
     for k in range(particle_corner_start[i], particle_corner_start[i + 1]):
         t = particle_corner_ids[k] // 3
         share = tri_corner_share[t][particle_corner_ids[k] % 3]
-        m = meeting_of(t, tri_indices, tri_corner_share, particle_q, particle_qd, wind, world, world_time[world])
+        m = meeting_of(t, tri_indices, tri_corner_share, particle_q, particle_qd, wind, world, time)
         total += share * share * air_damping(m, tri_air_drag[t], tri_air_friction[t], world_project[world])
     blocks_out[i] = blocks_out[i] + damping * total
 
@@ -110,6 +114,7 @@ def add_blocks(
     # State in
     world_project: wp.array(dtype=real),
     world_time: wp.array(dtype=wp.float64),
+    time_offset: wp.float64,
     particle_q: wp.array(dtype=vec3),
     particle_qd: wp.array(dtype=vec3),
     damping: real,
@@ -119,12 +124,13 @@ def add_blocks(
     """Adds ``damping`` C, one thread per particle: the pair of corners c and d of triangle t is 9 t + 3 c + d."""
     i = thread_offset + wp.tid()
     world = particle_world[i]
+    time = world_time[world] + time_offset
     own = mat33()
     for k in range(particle_corner_start[i], particle_corner_start[i + 1]):
         corner = particle_corner_ids[k]
         t = corner // 3
         share = tri_corner_share[t]
-        m = meeting_of(t, tri_indices, tri_corner_share, particle_q, particle_qd, wind, world, world_time[world])
+        m = meeting_of(t, tri_indices, tri_corner_share, particle_q, particle_qd, wind, world, time)
         c = mat33(
             (damping * share[corner % 3]) * air_damping(m, tri_air_drag[t], tri_air_friction[t], world_project[world])
         )

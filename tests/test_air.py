@@ -124,9 +124,9 @@ def test_falling_sheet_reaches_its_terminal_velocity(integrator):
     assert speed == pytest.approx(limit, rel=1e-5)
 
 
-def matrix(forces: Forces, state: State, project: float) -> np.ndarray:
+def matrix(forces: Forces, state: State, project: float, offset: float = 0.0) -> np.ndarray:
     model, n = forces.model, 3 * forces.model.particle_count
-    at = Linearization(state, 0.0, 1.0, model.array([project], model.real))
+    at = Linearization(state, 0.0, 1.0, model.array([project], model.real), offset)
     columns = []
     for unit in np.eye(n):
         out = wp.zeros_like(model.particle_q)
@@ -135,22 +135,24 @@ def matrix(forces: Forces, state: State, project: float) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def test_damping_is_the_symmetric_part_of_the_slope_and_can_be_made_semidefinite():
+@pytest.mark.parametrize(("air", "offset"), [(AIRS[1], 0.5), (AIRS[2], 0.0)])
+def test_damping_is_the_symmetric_part_of_the_slope_and_can_be_made_semidefinite(air, offset):
+    """Also at a stage within a step, when gusts are stronger than at its start."""
     model, state = crumpled(3)
-    forces = forces_of(model, AIRS[2])
+    forces = forces_of(model, air)
     middle, h, columns = state.particle_qd.numpy().copy(), 1e-6, []
     for unit in np.eye(middle.size):
         ends = []
         for sign in (1.0, -1.0):
             state.particle_qd.assign(middle + sign * h * unit.reshape(-1, 3))
-            ends.append(evaluated(forces, state).reshape(-1))
+            ends.append(evaluated(forces, state, offset).reshape(-1))
         columns.append((ends[0] - ends[1]) / (2.0 * h))
     state.particle_qd.assign(middle)
     slope = -np.stack(columns, axis=1)
     assert np.linalg.norm(slope - slope.T) > 1e-3 * np.linalg.norm(slope)
-    got = matrix(forces, state, 0.0)
+    got = matrix(forces, state, 0.0, offset)
     assert np.abs(got - 0.5 * (slope + slope.T)).max() <= 1e-6 * np.abs(slope).max()
-    projected = matrix(forces, state, 1.0)
+    projected = matrix(forces, state, 1.0, offset)
     assert np.abs(projected - projected.T).max() <= 1e-14 * np.abs(projected).max()
     assert np.linalg.eigvalsh(projected).min() > -1e-13 * np.abs(projected).max()
 
@@ -159,8 +161,8 @@ def test_diagonal_blocks_are_those_of_the_matrix():
     model, state = crumpled(4)
     forces = forces_of(model, AIRS[1])
     blocks = wp.zeros(model.particle_count, dtype=model.kernels.precision.mat33)
-    forces.hessian_diagonal(Linearization(state, 0.0, 1.0, model.array([0.0], model.real)), blocks)
-    whole = matrix(forces, state, 0.0).reshape(model.particle_count, 3, model.particle_count, 3)
+    forces.hessian_diagonal(Linearization(state, 0.0, 1.0, model.array([0.0], model.real), 0.5), blocks)
+    whole = matrix(forces, state, 0.0, 0.5).reshape(model.particle_count, 3, model.particle_count, 3)
     expected = np.stack([whole[i, :, i] for i in range(model.particle_count)])
     assert np.linalg.norm(expected) > 1e-3
     assert np.abs(blocks.numpy() - expected).max() <= 1e-13 * np.abs(expected).max()

@@ -66,7 +66,7 @@ def product(sim: wc.Simulation, at: Linearization, x: np.ndarray) -> np.ndarray:
 
 
 def linearization(sim: wc.Simulation, project: float, a: float = 1e-4, b: float = 1e-2) -> Linearization:
-    return Linearization(sim.state, a, b, sim.model.array([project], sim.model.real))
+    return Linearization(sim.state, a, b, sim.model.array([project], sim.model.real), 0.5)
 
 
 @pytest.mark.parametrize("project", [0.0, 1.0])

@@ -74,6 +74,22 @@ def test_conjugate_gradients_equal_a_dense_solve():
     assert cg.solves.decrease.numpy()[0] == pytest.approx(decrease, rel=1e-9)
 
 
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
+def test_linear_solves_are_as_exact_as_asked_for(tolerance):
+    """In the energy norm, and hardly more exact, which would be for nothing: x·A x is the decrease at its end."""
+    model = wc.Model.build(wc.Cloth.grid((0.5, 0.5), (25, 25), pins="top"), precision="float64")
+    forces, active = forces_of(model), wp.ones(1, dtype=wp.int32, device=model.device)
+    at = Linearization(State.of(model), 1e-3, 1e-2, model.array([1.0], model.real))
+    residual = np.zeros((model.particle_count, 3))
+    residual[model.particle_inv_mass.numpy() > 0.0] = 1e-3, 2e-3, 3e-3
+    decreases = []
+    for accuracy in (tolerance, 1e-12):
+        cg = ConjugateGradient(model, 1000)
+        cg.solve(forces, at, model.array(residual, model.vec3), active, model.array([accuracy], wp.float64))
+        decreases.append(float(cg.solves.decrease.numpy()[0]))
+    assert 1e-4 * tolerance < np.sqrt(1.0 - decreases[0] / decreases[1]) < tolerance
+
+
 @pytest.mark.parametrize("name", NEWTON)
 def test_steps_satisfy_the_equations_of_the_scheme(name):
     """Every equation is written out a second time here, for cloth in free fall into its pins."""

@@ -83,3 +83,24 @@ def test_bdf2_takes_its_past_along_when_somebody_moves_cloth_between_steps():
     for step in (1, 2):
         sim.step(h)
         np.testing.assert_allclose(phase(sim), [x + step * h * v, v], atol=1e-11)
+
+
+class Asked(wc.UserForce):
+    """No force; keeps when within the step it was asked for."""
+
+    name = "asked"
+
+    def __init__(self):
+        self.times: set[float] = set()
+
+    def accumulate(self, state: wc.State, time_offset: float) -> None:
+        self.times.add(time_offset)
+
+
+@pytest.mark.parametrize("name", ["implicit_midpoint", "implicit_trapezoid"])
+def test_undamped_rules_measure_the_work_of_forces_when_they_did_it(name):
+    """By Simpson's rule, which takes the forces at the start, in the middle and at the end of the step."""
+    asked = Asked()
+    sim = simulation(oscillator(OMEGA, 0.0, START), name, forces=[asked], graph=False)
+    sim.step(0.01)
+    assert asked.times == {0.0, 0.005, 0.01}

@@ -69,7 +69,8 @@ class AirDrag:
     def hessian_product(self, at: Linearization, x: wp.array, out: wp.array) -> None:
         """Adds b C x to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
         model, state = self.model, at.state
-        where = [at.world_project, state.world_time, state.particle_q, state.particle_qd, x, at.damping]
+        when = [at.world_project, state.world_time, at.time_offset]
+        where = [*when, state.particle_q, state.particle_qd, x, at.damping]
         launch(
             model.kernels.air_hessian.triangle_products,
             dim=model.tri_count,
@@ -83,7 +84,8 @@ class AirDrag:
         """Adds the diagonal blocks of b C to ``out``; see :class:`~warpcloth.forces.base.ForceTerm`."""
         model, state = self.model, at.state
         rows = [model.particle_corner_start, model.particle_corner_ids]
-        where = [at.world_project, state.world_time, state.particle_q, state.particle_qd, at.damping]
+        when = [at.world_project, state.world_time, at.time_offset]
+        where = [*when, state.particle_q, state.particle_qd, at.damping]
         launch(
             model.kernels.air_hessian.diagonal,
             dim=model.particle_count,
@@ -100,7 +102,8 @@ class AirDrag:
         """Adds b C to ``rows``; see :class:`~warpcloth.forces.block_matrix.Assembled`."""
         model, state = self.model, at.state
         corners = [model.particle_corner_start, model.particle_corner_ids, slots]
-        where = [at.world_project, state.world_time, state.particle_q, state.particle_qd, at.damping]
+        when = [at.world_project, state.world_time, at.time_offset]
+        where = [*when, state.particle_q, state.particle_qd, at.damping]
         launch(
             model.kernels.air_hessian.add_blocks,
             dim=model.particle_count,

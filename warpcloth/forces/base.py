@@ -1,7 +1,7 @@
 """The sum of all forces on the particles of a model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -24,18 +24,20 @@ class Linearization:
         stiffness, damping: a and b.
         world_project: 1 for worlds in which each element's K is made positive semi-definite, else 0; of the model's
             scalar type, shape [world_count].
-        unlike: one of the same state, a and b, but perhaps not projected alike; None: none that is known.
+        time_offset: when the state is [s], after its ``world_time``.
+        unlike: one of the same state, time, a and b, but perhaps not projected alike; None: none that is known.
     """
 
     state: State
     stiffness: float
     damping: float
     world_project: wp.array
+    time_offset: float = 0.0
     unlike: "Linearization | None" = None
 
     def projected(self, world_project: wp.array) -> "Linearization":
         """The same, but for what is projected."""
-        return Linearization(self.state, self.stiffness, self.damping, world_project, self)
+        return replace(self, world_project=world_project, unlike=self)
 
 
 class Move(NamedTuple):

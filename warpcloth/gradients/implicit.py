@@ -92,7 +92,7 @@ class _Stage:
         ones = model.array(np.ones(model.world_count), model.real)
         everywhere = wp.ones(model.world_count, dtype=wp.int32, device=model.device)
         accuracy = model.array(np.full(model.world_count, INNER), wp.float64)
-        matrix = Linearization(self.end, gamma * gamma, gamma, ones)
+        matrix = Linearization(self.end, gamma * gamma, gamma, ones, self.time)
         self.recording.plain_forces.linearize(matrix)
 
         def product(x: np.ndarray) -> np.ndarray:

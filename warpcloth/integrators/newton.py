@@ -100,7 +100,7 @@ class Newton:
         place = [model.particle_inv_mass, self.position_base, gamma]
         self._launch("place", model.particle_count, place, [stage.particle_q, stage.particle_qd])
         drive_pins(model, stage.world_time, time_offset, stage.particle_q, stage.particle_qd)
-        matrix = Linearization(stage, gamma * gamma, gamma, worlds.project)
+        matrix = Linearization(stage, gamma * gamma, gamma, worlds.project, time_offset)
         problem = _Problem(stage, forces, gamma, time_offset, matrix)
         self._evaluate(problem)
         repeat_while(worlds.at_work, lambda: self._iterate(problem))
