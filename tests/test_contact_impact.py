@@ -79,6 +79,8 @@ def test_friction_of_an_impact_is_coulombs():
     velocity = state.particle_qd.numpy().mean(axis=0)
     assert velocity[2] == pytest.approx(6.0, rel=0.02)
     assert (2.0 - velocity[0]) / velocity[2] == pytest.approx(0.2, rel=0.02)
+    found = cloths.metrics()
+    assert found["contact_rounds"] == cloths.rounds.numpy()[0] < found["contact_impacts"]
 
 
 def test_pairs_without_a_free_side_are_counted_once_in_all_rounds():

@@ -57,6 +57,23 @@ def test_friction_of_an_impact_is_that_of_one_impact(name, speed):
     assert velocities[:, 0] == pytest.approx(2.0 - MU * speed, rel=1e-4)
 
 
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("speed", [0.002, 2.0])
+def test_what_is_rubbed_moves_along_as_far_as_its_velocity_says(restitution, speed):
+    """In one step, at the end of which friction within it is put right; whether it slides or comes to a halt."""
+    cloth = sheet((0.0, 0.0, RADIUS + 1e-4), velocity=(speed, 0.0, -0.5))
+    floor = wc.Plane(thickness=0.0, friction=MU, restitution=restitution)
+    model = wc.Model.build([cloth], [floor], precision="float64")
+    sim = wc.Simulation(model, "implicit_euler", gravity=(0.0, 0.0, 0.0), substeps=1, contact="obstacles")
+    start, dt = sim.state.particle_q.numpy().copy(), 1.0 / 240.0
+    sim.step(dt)
+    velocity = sim.state.particle_qd.numpy()
+    assert velocity[:, 2] == pytest.approx(0.5 * restitution, abs=1e-6)
+    assert velocity[:, 0] == pytest.approx(max(speed - MU * (1.0 + restitution) * 0.5, 0.0), abs=2e-4)
+    moved = sim.state.particle_q.numpy() - start
+    assert moved[:, :2] == pytest.approx(dt * velocity[:, :2], abs=1e-9)
+
+
 def test_a_plane_that_was_met_is_kept_after_many_looks():
     """So that forces become continuous; in the next step the surface is looked at anew."""
     cloth = wc.Cloth.grid((0.02, 0.02), (2, 2), FABRIC, transform=(0.0, 0.0, 0.502))

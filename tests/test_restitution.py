@@ -55,3 +55,16 @@ def test_what_is_slow_along_the_obstacle_sticks_in_a_bounce(scheme):
     velocity = bounced(scheme, floor("plane", 0.0), (0.8, 0.0, -2.0))
     assert velocity[:, 2] == pytest.approx(E * 2.0, abs=1e-3)
     assert velocity[:, 0] == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("along", "up", "falls"), [(0.5, 0.0, 6.0), (0.5, 6.0, 0.0)])
+def test_a_deforming_mesh_takes_along_what_it_meets_far_from_where_the_step_began(along, up, falls):
+    """In one step they approach by many contact distances; friction suffices for the mesh's velocity along itself."""
+    points = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    samples = np.stack([points, points + np.array([along, 0.0, up])])
+    mesh = wc.MeshObstacle(points, [[0, 1, 2], [0, 2, 3]], sample_times=[0, 1], sample_points=samples, friction=MU)
+    cloth = wc.Cloth.grid((0.1, 0.1), (3, 3), FABRIC, transform=(0.0, 0.0, 0.02), velocity=(0.0, 0.0, -falls))
+    sim = wc.Simulation(wc.Model.build([cloth], [mesh]), "xpbd", gravity=(0, 0, 0), substeps=1, contact="obstacles")
+    sim.step(1.0 / 120.0)
+    assert sim.state.particle_q.numpy()[:, 2].min() > up / 120.0
+    assert sim.state.particle_qd.numpy() == pytest.approx(np.tile([along, 0.0, up], (9, 1)), abs=1e-3)

@@ -300,3 +300,36 @@ def test_free_particles_leave_what_is_solid_to_their_thickness_above_it():
     assert np.linalg.norm(moved[[1, 2, 3]], axis=1) == pytest.approx(0.2 + 0.01)
     assert np.linalg.norm(moved[[5, 6, 7]], axis=1) == pytest.approx(0.2 + 0.01, abs=2e-3)  # facets are within the ball
     assert np.linalg.norm(np.cross(moved, begun), axis=1) == pytest.approx(0.0, abs=1e-3)  # by the shortest way
+
+
+def test_ways_out_are_those_of_the_paper():
+    """Along the edge as far as the contour's direction r, but back; and else r but for a part across the triangle."""
+    model = wc.Model.build(sheets(0.6), precision="float64")
+    triangles = Triangles(model)
+    where, ways = triangles.crossings(State.of(model))
+    x, corners = model.particle_q.numpy(), triangles.surface.tri_indices.numpy()
+    assert len(where) > 10
+    for (own, passed, *ends), way in zip(where, ways, strict=True):
+        third = np.setdiff1d(corners[own], ends)[0]
+        e = (x[ends[1]] - x[ends[0]]) / np.linalg.norm(x[ends[1]] - x[ends[0]])
+        normal, own_normal = (np.cross(b - a, c - a) for a, b, c in (x[corners[passed]], x[corners[own]]))
+        r = np.cross(own_normal, normal)
+        inwards = np.cross(np.cross(e, x[third] - x[ends[0]]), e)
+        r *= np.sign(r @ inwards) / np.linalg.norm(r)
+        if abs(e @ normal) > 0.1 * np.linalg.norm(normal):
+            assert e @ way == pytest.approx(-(e @ r), abs=1e-9)
+        assert np.cross(way, normal) == pytest.approx(np.cross(r, normal), abs=1e-9)
+
+
+@pytest.mark.parametrize("height", [0.002, -0.002])
+def test_layers_are_parted_in_the_order_that_costs_less(height):
+    """One rises over the other from 2 mm below it to 6 mm above it, or the other way round."""
+    place = placed(height, 0.3, 0.02)
+    above = wc.Cloth.grid((0.4, 0.4), (11, 11), wc.Fabric(thickness=0.002), transform=place, name="other")
+    model = wc.Model.build([sheets(0.0)[0], above])
+    state = State.of(model)
+    done = untangle(model, state)
+    assert (done.before > 20, done.after) == (True, 0)
+    below, other = state.particle_q.numpy()[:144, 2].mean(), state.particle_q.numpy()[144:, 2].mean()
+    assert (other - below) * np.sign(height) > 0.002
+    assert done.moved_m < 0.003
