@@ -242,9 +242,7 @@ def test_a_defect_is_not_hidden_and_debug_shows_where(monkeypatch, capsys):
     assert "Traceback" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    "arguments", [[], ["-h"], ["--help"], *([name, "--help"] for name in ("simulate", "check"))]
-)
+@pytest.mark.parametrize("arguments", [[], ["-h"], ["--help"], *([name, "--help"] for name in ("simulate", "check"))])
 def test_help_goes_to_stdout(arguments, capsys):
     assert run(arguments) == 0
     assert "Usage: warpcloth" in capsys.readouterr().out
