@@ -62,7 +62,7 @@ def test_a_peer_is_not_run_for_ever(name, runs, monkeypatch):
 
     def make(problem, n):
         made.append(n)
-        return SimpleNamespace(frame=clock.step)
+        return SimpleNamespace(frame=clock.step, processor_time=clock.process_time)
 
     monkeypatch.setattr(race, "time", clock)
     monkeypatch.setattr(race, "maker", lambda name: make)
