@@ -54,9 +54,9 @@ def test_the_page_in_a_browser(chromium, session, page, tmp_path):
     browser.page.mouse.up()
     until(lambda: not session.stage.hands)
 
-    browser.page.locator("input[value='xpbd']").first.click()
-    browser.page.get_by_role("option", name="implicit_euler", exact=True).click()
-    until(lambda: session.snapshot.settings.integrator == "implicit_euler")
+    browser.choose(
+        "input[value='xpbd']", "implicit_euler", lambda: session.snapshot.settings.integrator == "implicit_euler"
+    )
 
     browser.page.get_by_role("checkbox").first.click(force=True)
     session.pause()
@@ -231,17 +231,13 @@ def test_a_cache_in_a_browser(chromium, cache, tmp_path):
         keyboard.press(key)
         until(lambda: page.shown == frame)  # noqa: B023
 
-    browser.page.locator("input[value='1']:visible").first.click()
-    browser.page.get_by_role("option", name="4", exact=True).click()
-    until(lambda: player.speed == 4.0)
+    browser.choose("input[value='1']:visible", "4", lambda: player.speed == 4.0)
     browser.page.get_by_role("checkbox").first.click(force=True)
     until(lambda: not player.loop)
     browser.button("Play")
     until(lambda: page.shown == 12 and not player.playing)
 
-    browser.page.locator("input[value='fabric']").first.click()
-    browser.page.get_by_role("option", name="speed", exact=True).click()
-    until(lambda: page._cloths[0].dots.visible)
+    browser.choose("input[value='fabric']", "speed", lambda: page._cloths[0].dots.visible)
     browser.page.get_by_text("speed [m/s]").wait_for(timeout=30_000)
     assert len(np.unique(page._cloths[0].dots.colors, axis=0)) > 20
     browser.page.screenshot(path=tmp_path / "speed.png", timeout=120_000)

@@ -83,6 +83,19 @@ class Browser:
                 self.page.mouse.up()
         raise AssertionError("nothing was taken")
 
+    def choose(self, field, name, chosen):
+        """An entry of a list, until ``chosen()``: a list may close again while the page is still being drawn."""
+        from playwright.sync_api import TimeoutError
+
+        for _ in range(8):
+            self.page.locator(field).first.click()
+            try:
+                self.page.get_by_role("option", name=name, exact=True).click(timeout=5_000)
+                return until(chosen)
+            except TimeoutError:
+                continue
+        raise AssertionError(f"{name} was never offered")
+
     def drag(self, place):
         """To another point, with the mouse down."""
         self.page.mouse.move(*self.pixel(place), steps=8)
