@@ -29,7 +29,11 @@ def installed() -> bool:
 
 
 def substeps(n: int) -> int:
-    """Blender's ``quality``: 5 is the least that swings as far as is right; the finer the cloth, the more."""
+    """Blender's ``quality``; the finer the cloth, the more.
+
+    Of those that swing as far as is right on the hang at 64² 5 is the fastest: 4 takes a tenth longer, as its solves
+    take more iterations, and with 3 the swing misses by 1 mm.
+    """
     return 5 * -(-n // 64)
 
 
