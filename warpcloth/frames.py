@@ -7,6 +7,7 @@ from typing import Any
 import warp as wp
 
 from . import validate
+from .freed_memory import return_freed_memory
 from .launching import alone
 from .model import Model
 from .program import default_threads, programs_work, record_program
@@ -63,6 +64,7 @@ class Frames:
         """Keeps what replays a frame; no graph while other threads launch: there will be a quieter moment."""
         if self._program:
             self.recorded = {key: record_program(frame, self.model.kernels, self.threads).run}
+            return_freed_memory()  # of the recording, and of arrays that have become too small
             return
         with alone() as nobody_else:
             if nobody_else:

@@ -14,6 +14,7 @@ from .forces import BlockMatrix, Forces, Grabs
 from .forces.grabs import Hold
 from .forces.user import UserForce, user_forces
 from .frames import Frames
+from .freed_memory import return_freed_memory
 from .grab import Grab, GrabTape, make_hold
 from .hooks import Hook, memory_of
 from .integrators import make_integrator
@@ -129,6 +130,7 @@ class Simulation(OnDevice):
         self._reset = WorldReset(model, self.state)
         if validate.flag(check_start, "check_start"):
             diagnostics.check_start_for(contact, model, self.state, self.untangled)
+        return_freed_memory()
 
     @launches
     def step(self, dt: float) -> None:
