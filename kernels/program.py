@@ -1,11 +1,12 @@
 """Runs a recorded program on the CPU: launches, copies, loops, by one thread, and by others that help it.
 
 A program is a row of 64-bit words, made by ``warpcloth/program.py``: one of the codes below, then its operands, which
-are addresses and sizes. One thread goes through it. Where it comes to a launch that may run in ranges, it offers them:
-each helper takes its own, always the same part of the particles, which its cache then holds; those that nobody has
-taken the thread runs itself, and it goes on when all are done. So it never waits for a helper that the system keeps
-from running, unless that has just taken its range. Each offer has a range for every thread, empty or not: a helper
-that comes late then finds its range taken, while one left out of an offer would take that of the next, once more.
+are addresses and sizes; jumps say how many words on, or back. One thread goes through it. Where it comes to a launch
+that may run in ranges, it offers them: each helper takes its own, always the same part of the particles, which its
+cache then holds; those that nobody has taken the thread runs itself, and it goes on when all are done. So it never
+waits for a helper that the system keeps from running, unless that has just taken its range. Each offer has a range for
+every thread, empty or not: a helper that comes late then finds its range taken, while one left out of an offer would
+take that of the next, once more.
 
 This is for the CPU only; graphs do it on GPUs. There the kernels do nothing.
 """
@@ -18,7 +19,7 @@ from .precision import FORWARD_ONLY
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
-END, CALL, COPY, FILL, APPLY, JUMP, JUMP_UNLESS = range(7)
+END, CALL, COPY, FILL, APPLY, JUMP, JUMP_UNLESS, AGAIN = range(8)
 LINE = 8  # words in a cache line: what one thread writes and others watch has one to itself
 NUMBER, OFFER, DONE, STOP, CLAIMS = range(0, 5 * LINE, LINE)  # what is on the table where threads meet
 SPINS = 200  # looks at the table before a thread offers its core to others
@@ -54,7 +55,7 @@ _RUN = (
     _COMMON
     + f"""
     Word number = 0;
-    const Word* at = (const Word*)program.data;
+    Word* at = (Word*)program.data;
     for (;;) {{
         switch (at[0]) {{
         case {CALL}: {{
@@ -89,10 +90,18 @@ _RUN = (
             at += 3;
             break;
         case {JUMP}:
-            at = (const Word*)program.data + at[1];
+            at += (long long)at[1];
             break;
         case {JUMP_UNLESS}:
-            at = *(const unsigned*)at[1] ? at + 3 : (const Word*)program.data + at[2];
+            at += *(const unsigned*)at[2] ? 3 : (long long)at[1];
+            break;
+        case {AGAIN}:
+            if (--at[2]) {{
+                at += (long long)at[3];
+            }} else {{
+                at[2] = at[1];
+                at += 4;
+            }}
             break;
         default:
             __atomic_store_n(table + {STOP}, 1, __ATOMIC_RELEASE);

@@ -1,10 +1,5 @@
 """The loop around the integrator: graphs, worlds, automatic substeps, rest, divergence, motions, energies."""
 
-import ctypes
-import mmap
-import platform
-from pathlib import Path
-
 import numpy as np
 import pytest
 import warp as wp
@@ -345,16 +340,3 @@ def test_single_steps_see_that_the_caller_moved_the_cloth():
         sim.substep(1e-4)
         ends.append(phase(sim))
     np.testing.assert_array_equal(*ends)
-
-
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")
-def test_memory_that_building_has_freed_is_given_back():
-    def resident() -> int:
-        return int(Path("/proc/self/statm").read_text().split()[1]) * mmap.PAGESIZE
-
-    model = wc.Model.build([wc.Cloth.grid((1.0, 1.0), (128, 128))], device="cpu")
-    sim = wc.Simulation(model, "xpbd", contact="all", substeps=2)
-    sim.step(1e-3)
-    before = resident()
-    ctypes.CDLL(None).malloc_trim(0)
-    assert before - resident() < 100 * model.particle_count  # ten times as much where nothing is given back

@@ -47,13 +47,16 @@ class Frames:
 
     def run(self, key: Any, frame: Callable[[], None]) -> None:
         """A frame; those of one key are the same one."""
-        if not self.replay or not (self._program or key in self._ran):  # a first run loads the kernels of a graph
-            frame()
-            self._ran.add(key)
+        if self.replay and (self._program or key in self._ran):
+            if key not in self.recorded:
+                self._record(key, frame)
+                return_freed_memory()
+            self.recorded.get(key, frame)()
             return
-        if key not in self.recorded:
-            self._record(key, frame)
-        self.recorded.get(key, frame)()
+        frame()  # which loads the kernels of a graph
+        if key not in self._ran:
+            self._ran.add(key)
+            return_freed_memory()
 
     def forget(self) -> None:
         """Recorded frames hold arrays that have been replaced, or lack what is new."""
@@ -64,7 +67,6 @@ class Frames:
         """Keeps what replays a frame; no graph while other threads launch: there will be a quieter moment."""
         if self._program:
             self.recorded = {key: record_program(frame, self.model.kernels, self.threads).run}
-            return_freed_memory()  # of the recording, and of arrays that have become too small
             return
         with alone() as nobody_else:
             if nobody_else:

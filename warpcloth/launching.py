@@ -130,6 +130,15 @@ def refit(tree: wp.Bvh | wp.Mesh) -> None:
         tree.refit()
 
 
+def repeat(count: int, body: Callable[[], None]) -> None:
+    """The body ``count`` times; once it does the same twice, a recorder takes it that it goes on doing so."""
+    if _recording.recorder is not None:
+        _recording.recorder.repeat(count, body)
+        return
+    for _ in range(count):
+        body()
+
+
 def repeat_while(condition: wp.array, body: Callable[[], None]) -> None:
     """``wp.capture_while``: the body again and again while ``condition[0]``, int32, is not 0."""
     if _recording.recorder is not None:

@@ -63,12 +63,13 @@ class ProgramWriter:
         self._words: list[int] = []
         self._kept: list[Any] = []
         self._calls: dict[tuple, list[int]] = {}
+        self._patterns: dict[tuple, wp.array] = {}
 
     def launch(self, kernel: wp.Kernel, dim: int, arguments: Sequence[Any]) -> None:
         """A launch on the CPU; the same one again shares its arguments."""
         if dim <= 0:
             return
-        key = (kernel, dim, *((id(a) if hasattr(a, "__dict__") else a) for a in arguments))
+        key = (kernel, dim, *map(_identity, arguments))
         if key not in self._calls:
             self._calls[key] = self._prepared(kernel, dim, arguments)
             self._kept.append(arguments)
@@ -83,7 +84,8 @@ class ProgramWriter:
 
     def fill(self, target: wp.array, value: Any) -> None:
         """All elements of a contiguous array."""
-        pattern = wp.full(1, value, dtype=target.dtype, device="cpu")
+        key = (target.dtype, _identity(value))
+        pattern = self._patterns.setdefault(key, wp.full(1, value, dtype=target.dtype, device="cpu"))
         self._words += [self._codes.FILL, target.ptr or 0, pattern.ptr, pattern.strides[0], target.size]
         self._kept += [target, pattern]
 
@@ -95,26 +97,39 @@ class ProgramWriter:
         self._words += [self._codes.APPLY, _address(function), tree.id]
         self._kept.append(tree)
 
+    def repeat(self, count: int, body: Callable[[], None]) -> None:
+        """So many times the body, written out until it is the same twice, as the first time may differ from the others;
+        the rest is a loop."""
+        before: list[int] = []
+        for done in range(count):
+            head = len(self._words)
+            body()
+            block = self._words[head:]
+            if block == before:
+                self._words[head:] = [self._codes.AGAIN, *[count - done + 1] * 2, _word(-len(block))]
+                return
+            before = block
+
     def repeat_while(self, condition: wp.array, body: Callable[[], None]) -> None:
         """A loop with the condition at its head."""
         head = len(self._words)
-        exit_word = self._jump_unless(condition)
+        exit_jump = self._jump_unless(condition)
         body()
-        self._words += [self._codes.JUMP, head]
-        self._words[exit_word] = len(self._words)
+        self._words += [self._codes.JUMP, _word(head - len(self._words))]
+        self._lead_here(exit_jump)
 
     def only_if(
         self, condition: wp.array, body: Callable[[], None], otherwise: Callable[[], None] | None = None
     ) -> None:
         """A branch."""
-        else_word = self._jump_unless(condition)
+        else_jump = self._jump_unless(condition)
         body()
+        end_jump = len(self._words)
         self._words += [self._codes.JUMP, 0]
-        end_word = len(self._words) - 1
-        self._words[else_word] = len(self._words)
+        self._lead_here(else_jump)
         if otherwise is not None:
             otherwise()
-        self._words[end_word] = len(self._words)
+        self._lead_here(end_jump)
 
     def program(self) -> "Program":
         """All of it."""
@@ -122,10 +137,15 @@ class ProgramWriter:
         return Program(self._words, self._kept, self._kernels, self._threads)
 
     def _jump_unless(self, condition: wp.array) -> int:
-        """A jump; which word of it says where to."""
-        self._words += [self._codes.JUMP_UNLESS, condition.ptr, 0]
+        """A jump, yet to be led somewhere; where it is."""
+        jump = len(self._words)
+        self._words += [self._codes.JUMP_UNLESS, 0, condition.ptr]
         self._kept.append(condition)
-        return len(self._words) - 1
+        return jump
+
+    def _lead_here(self, jump: int) -> None:
+        """Jumps say how far, not where to, so that the same work is the same words wherever it stands."""
+        self._words[jump + 1] = len(self._words) - jump
 
     def _prepared(self, kernel: wp.Kernel, dim: int, arguments: Sequence[Any]) -> list[int]:
         """A launch as words: one range, or as many as there are threads, the last ones empty where there is too little.
@@ -196,6 +216,19 @@ _pool_lock = threading.Lock()  # helpers of one program must not keep those of a
 def _pool(count: int) -> ThreadPoolExecutor:
     """Threads kept for the life of the process."""
     return ThreadPoolExecutor(count, thread_name_prefix="warpcloth")
+
+
+def _identity(argument: Any) -> Any:
+    """What two arguments have in common if launches with them are the same: numbers, vectors and matrices their values,
+    all else that it is the same object."""
+    if isinstance(argument, ctypes.Array):
+        return type(argument), bytes(argument)
+    return id(argument) if hasattr(argument, "__dict__") else argument
+
+
+def _word(value: int) -> int:
+    """A number, negative ones too, as a word."""
+    return value % 2**64
 
 
 def _address(function: Any) -> int:

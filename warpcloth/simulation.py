@@ -14,13 +14,12 @@ from .forces import BlockMatrix, Forces, Grabs
 from .forces.grabs import Hold
 from .forces.user import UserForce, user_forces
 from .frames import Frames
-from .freed_memory import return_freed_memory
 from .grab import Grab, GrabTape, make_hold
 from .hooks import Hook, memory_of
 from .integrators import make_integrator
 from .integrators.limit_pass import LimitPass
 from .kinematics import drive_pins
-from .launching import copy, launch, launches, records
+from .launching import copy, launch, launches, records, repeat
 from .lookout import Lookout
 from .model import Model, of_model
 from .recording import missed_pairs, recordable_substeps
@@ -64,8 +63,7 @@ class Simulation(OnDevice):
         time: simulated time [s].
         graph, threads: whether frames are recorded, and the cores of the CPU that they run on.
         substeps: steps per frame in use; 0 before the first frame when "auto".
-        watch: with ``profile``, the wall times [s] of detecting contact, integrating, responding to contact, and the
-            guard, in ``watch.seconds``.
+        watch: with ``profile``, wall times [s] of detecting, integrating, responding, guarding: ``watch.seconds``.
         lookout: what has been seen of the frames, see :class:`~warpcloth.lookout.Lookout`.
         tape: a :class:`GrabTape` of all that was done with :meth:`grab`.
     """
@@ -103,8 +101,7 @@ class Simulation(OnDevice):
         self.forces = Forces(model, terms, world_gravity(model, gravity))
         passes = model.limits_strain and self.integrator.solves_springs_only
         self._limit_pass = LimitPass(model) if passes else None
-        share = self.integrator.contact_share
-        self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"), share)
+        self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"), self.integrator.contact_share)
         if self.contact.support is not None:
             self.forces.terms.append(self.contact.support)
         self.forces.terms += own
@@ -130,7 +127,6 @@ class Simulation(OnDevice):
         self._reset = WorldReset(model, self.state)
         if validate.flag(check_start, "check_start"):
             diagnostics.check_start_for(contact, model, self.state, self.untangled)
-        return_freed_memory()
 
     @launches
     def step(self, dt: float) -> None:
@@ -206,7 +202,6 @@ class Simulation(OnDevice):
         """One step of the integrator, dt [s], without what :meth:`step` does for whole frames: no automatic substeps,
         no checks, no contact among cloths; ``time`` stays, the worlds' clocks go on. For gradients."""
         dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
-        self.state.forces_current = False  # the caller may have changed the state since the last step
         self._prepare()
         self._substep(self.state, self._other, dt, among_cloths=False)
         self._end(self._other)
@@ -292,18 +287,22 @@ class Simulation(OnDevice):
         self.lookout.rest_since = other.lookout.rest_since[keep]
 
     def _memories(self) -> tuple[Sequence[Memory], ...]:
-        hooked = map(memory_of, self.hooks)
-        return self.integrator.memory(), self.forces.memory(), self.contact.memory(), *hooked
+        return self.integrator.memory(), self.forces.memory(), self.contact.memory(), *map(memory_of, self.hooks)
 
     def _frame(self, dt: float, substeps: int) -> None:
         now, later = self.state, self._other
-        now.forces_current = False  # the caller may have changed the state since the last frame
         self._prepare()
+
+        def there_and_back() -> None:
+            self._substep(now, later, dt / substeps)
+            self._substep(later, now, dt / substeps)
+
         for length in self.contact.interval_lengths(dt, substeps):
             span = length * dt / substeps
             with self.watch.stage("detect"):
                 self.contact.begin(now, span)
-            for _ in range(length):
+            repeat(length // 2, there_and_back)
+            if length % 2:
                 self._substep(now, later, dt / substeps)
                 now, later = later, now
             with self.watch.stage("guard"):
@@ -312,7 +311,8 @@ class Simulation(OnDevice):
         self.lookout.count_torn(self.state)
 
     def _prepare(self) -> None:
-        """Brings copies of what the model has up to date."""
+        """Takes over what the caller may have changed since the last step: the state, and what the model has."""
+        self.state.forces_current = False
         for item in (self.forces, self.integrator, self._limit_pass):
             if item is not None:
                 item.prepare()
