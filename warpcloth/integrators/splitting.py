@@ -112,22 +112,31 @@ class Splitting(Integrator):
     @classmethod
     def propagator(cls, omega: float, gamma: float) -> np.ndarray:
         """What a step does to the oscillator, 2×2 polynomials in h."""
-        columns = [cls._linear_step(omega, gamma, Polynomial([x]), Polynomial([v])) for x, v in ((1, 0), (0, 1))]
-        return np.array([list(row) for row in zip(*columns, strict=True)], dtype=object)
+        degree = sum(3 if stage.inner is None else stage.inner.stages + 1 for stage in cls.sequence)
+        starts = np.zeros((2, 2, degree + 1))  # x and v, from (1, 0) and from (0, 1), by powers of h
+        starts[0, 0, 0] = starts[1, 1, 0] = 1.0
+        ends = cls._linear_step(omega, gamma, *starts)
+        return np.array([[Polynomial(column) for column in row] for row in ends], dtype=object)
 
     @classmethod
-    def _linear_step(cls, omega: float, gamma: float, x: Polynomial, v: Polynomial) -> tuple[Polynomial, Polynomial]:
-        """One step of the oscillator from (x, v), as polynomials in h."""
+    def _linear_step(cls, omega: float, gamma: float, x: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """One step of the oscillator from (x, v); coefficients of powers of h in the last axis."""
+
+        def times_h(p: np.ndarray) -> np.ndarray:
+            return np.concatenate([np.zeros_like(p[..., :1]), p[..., :-1]], axis=-1)
+
         first = -omega * omega * x - gamma * v
         for stage in cls.sequence:
-            h = Polynomial([0.0, stage.kick])
             slope = -omega * omega * x - gamma * v
             if stage.inner is None:
-                v = v + h * (slope - gamma * h * first)
+                kick = slope - gamma * stage.kick * times_h(first)
             else:
-                r = stage.inner.stability_polynomial[1:]
-                v = v + h * slope * sum(float(c) * (-gamma * h) ** j for j, c in enumerate(r))
-            x = x + Polynomial([0.0, stage.drift]) * v
+                r = [float(c) for c in stage.inner.stability_polynomial[1:]]
+                kick = r[-1] * slope
+                for c in reversed(r[:-1]):
+                    kick = c * slope - gamma * stage.kick * times_h(kick)
+            v = v + stage.kick * times_h(kick)
+            x = x + stage.drift * times_h(v)
         return x, v
 
     @classmethod
