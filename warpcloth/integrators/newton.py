@@ -82,12 +82,15 @@ class Newton:
         self._rounding = ROUNDING * float(np.finfo(np.float64 if double else np.float32).eps)
 
     def solve(
-        self, stage: State, forces: Forces, gamma: float, time_offset: float, takes_part: wp.array | None = None
-    ) -> None:
+        self, stage: State, forces: Forces, gamma: float, time_offset: float, takes_part: wp.array | None = None,
+        change: wp.array | None = None,
+    ) -> None:  # fmt: skip
         """From the guess in ``stage`` to the solution there, γ in [s]; positions of pinned particles are kept.
 
         x̄ and v̄ are in ``position_base`` and ``velocity_base``; moving pins go to their place at ``time_offset`` [s].
         ``takes_part`` (int32, shape [world_count]) is 1 for worlds to solve in, None: all; others stay at their guess.
+        ``change`` [m/s], vec3, shape [particle_count], is what the solution was more than the guess in the step before,
+        and is so again afterwards; with it Newton's method begins nearer (``kernels/implicit_guess.py``).
         """
         model, worlds = self.model, self.worlds
         fill(worlds.at_work)
@@ -97,13 +100,17 @@ class Newton:
         limits = [self.tolerance, self._rounding / gamma, LOOSEST]
         inputs = [self.cg.lanes, taking_part, *sums, *limits]
         self._launch("start_worlds", model.world_count, inputs, [worlds])
+        if change is not None:
+            self._guess("lead", [taking_part], [change, stage.particle_qd])
         place = [model.particle_inv_mass, self.position_base, gamma]
         self._launch("place", model.particle_count, place, [stage.particle_q, stage.particle_qd])
         drive_pins(model, stage.world_time, time_offset, stage.particle_q, stage.particle_qd)
-        matrix = Linearization(stage, gamma * gamma, gamma, worlds.project, time_offset)
+        matrix = Linearization(stage, gamma * gamma, gamma, worlds.project, time_offset, renewed=worlds.renewed)
         problem = _Problem(stage, forces, gamma, time_offset, matrix)
         self._evaluate(problem)
         repeat_while(worlds.at_work, lambda: self._iterate(problem))
+        if change is not None:
+            self._guess("learn", [taking_part, stage.particle_qd], [change])
 
     def metrics(self) -> dict[str, Any]:
         """Of the latest step, the worst world: ``newton_iterations``, ``cg_iterations``, ``residual`` (the last update
@@ -150,6 +157,11 @@ class Newton:
         inputs = [cg.lanes, model.particle_mass, model.particle_inv_mass, *vectors, problem.gamma]
         self._launch("residual", cg.lane_count, inputs, [self._residual, cg.partial])
 
+    def _guess(self, kernel: str, inputs: list, outputs: list) -> None:
+        model = self.model
+        inputs = [model.particle_inv_mass, model.particle_world, *inputs]
+        launch(getattr(model.kernels.implicit_guess, kernel), model.particle_count, inputs, outputs, model.device)
+
     def _launch(self, kernel: str, dim: int, inputs: list, outputs: list) -> None:
         launch(getattr(self.kernels, kernel), dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
 
@@ -165,5 +177,6 @@ def _make_worlds(model: Model, kernels: Any) -> Any:
     for dtype, names in groups:
         for name in names:
             setattr(worlds, name, wp.zeros(model.world_count, dtype=dtype, device=model.device))
-    worlds.at_work, worlds.at_search = (wp.zeros(1, dtype=wp.int32, device=model.device) for _ in range(2))
+    for name in ("at_work", "at_search", "rounds", "renewed"):
+        setattr(worlds, name, wp.zeros(1, dtype=wp.int32, device=model.device))
     return worlds
