@@ -125,6 +125,15 @@ def test_rows_that_are_kept_are_not_run_again():
     assert results["summary"]["scenes"] == results["summary"]["clean"] == 2
 
 
+def test_rows_of_other_scenes_stay():
+    first, second = random_cases(3, 2, ["xpbd"], frames=1, resolution=5)
+    kept = run_cases([second])["rows"]
+    heard = []
+    results = run_cases([first], kept=kept, progress=lambda *found: heard.append(found))
+    assert [row["arguments"] for row in results["rows"]] == [second.arguments, first.arguments]
+    assert heard[0][0]["rows"] == results["rows"]
+
+
 @pytest.mark.parametrize("name", ["drape_sphere", "funnel", "twist"])
 def test_resolution_is_that_of_a_square_with_as_many_vertices(name):
     scene = load_scene(name)

@@ -73,19 +73,19 @@ def run_cases(
     Args:
         cases: what to watch.
         seconds: processor time for one scene [s]; what is not finished by then counts as unfinished.
-        kept: rows of an earlier run; cases that are among them are not run again.
+        kept: rows of an earlier run, of these cases or others; those that are among them are not run again.
         progress: called after each case with the results so far, all kept ones included, and the case's row.
 
     Returns:
         ``date``, ``machine``, ``rows`` (an ``Outcome`` each, with how to see it again) and ``summary``.
     """
-    known = {row["arguments"]: row for row in kept}
-    rows = {case.arguments: known[case.arguments] for case in cases if case.arguments in known}
+    rows = {row["arguments"]: row for row in kept}
+    others = [row for arguments, row in rows.items() if arguments not in {case.arguments for case in cases}]
     for case in cases:
         if case.arguments not in rows:
             rows[case.arguments] = _watched(case, seconds)
-        progress(_results(_in_order(cases, rows)), rows[case.arguments])
-    return _results(_in_order(cases, rows))
+        progress(_results([*others, *_in_order(cases, rows)]), rows[case.arguments])
+    return _results([*others, *_in_order(cases, rows)])
 
 
 def kept_rows(path: Path) -> list[dict[str, Any]]:
