@@ -100,7 +100,7 @@ class ProgramWriter:
     def repeat(self, count: int, body: Callable[[], None]) -> None:
         """So many times the body, written out until it is the same twice, as the first time may differ from the others;
         the rest is a loop."""
-        before: list[int] = []
+        before: list[int] | None = None
         for done in range(count):
             head = len(self._words)
             body()

@@ -41,7 +41,7 @@ class Bdf2(ImplicitScheme):
         self._recall(model, state_in, dt)
         self._start(model, state_in, state_out, self._past, dt)
         gamma, time = self.stage.gamma * dt, self.stage.time * dt
-        self.newton.solve(state_out, forces, gamma, time, change=self.changes[0])
+        self.newton.solve(state_out, forces, gamma, time, changes=self.changes[0])
         self._remember(model, state_in, state_out, dt)
 
     def reset(self) -> None:

@@ -6,6 +6,7 @@ Each step solves M (v − v̄) = γ f(x̄ + γ v, v) once; the schemes differ in
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -50,7 +51,7 @@ class ImplicitScheme(Integrator):
         InputError: an option is out of range.
 
     Attributes:
-        changes: of each solve in a step, by how much it changed velocities in the last one [m/s]; see ``Newton.solve``.
+        changes: of each solve in a step, by how much it changed velocities in the last two [m/s]; see ``Newton.solve``.
     """
 
     implicit = True
@@ -72,7 +73,8 @@ class ImplicitScheme(Integrator):
         cg_iterations: int = 1000,
     ):
         self.newton = Newton(model, tolerance, max_iterations, cg_tolerance, cg_iterations)
-        self.changes = [wp.zeros_like(model.particle_q, requires_grad=False) for _ in range(self.solves)]
+        nothing = partial(wp.zeros_like, model.particle_q, requires_grad=False)
+        self.changes = [(nothing(), nothing()) for _ in range(self.solves)]
         self._allocate(model)
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
@@ -92,8 +94,8 @@ class ImplicitScheme(Integrator):
             self.finish(model, state_in, state_out, dt)
 
     def memory(self) -> Sequence[Memory]:
-        """By how much the solutions of the last step were off their guesses."""
-        return [Memory(change, np.arange(len(change))) for change in self.changes]
+        """The changes of the last two steps."""
+        return [Memory(change, np.arange(len(change))) for pair in self.changes for change in pair]
 
     def metrics(self) -> dict[str, Any]:
         """See :meth:`~warpcloth.integrators.newton.Newton.metrics`."""

@@ -3,6 +3,7 @@
 Its loops end when a counter on the device is 0, also inside captured graphs (on GPUs: CUDA 12.4 or newer).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,14 +84,15 @@ class Newton:
 
     def solve(
         self, stage: State, forces: Forces, gamma: float, time_offset: float, takes_part: wp.array | None = None,
-        change: wp.array | None = None,
+        changes: Sequence[wp.array] | None = None,
     ) -> None:  # fmt: skip
         """From the guess in ``stage`` to the solution there, γ in [s]; positions of pinned particles are kept.
 
         x̄ and v̄ are in ``position_base`` and ``velocity_base``; moving pins go to their place at ``time_offset`` [s].
         ``takes_part`` (int32, shape [world_count]) is 1 for worlds to solve in, None: all; others stay at their guess.
-        ``change`` [m/s], vec3, shape [particle_count], is what the solution was more than the guess in the step before,
-        and is so again afterwards; with it Newton's method begins nearer (``kernels/implicit_guess.py``).
+        ``changes`` [m/s], two arrays, vec3, shape [particle_count], are what the solutions of the last step, and of the
+        one before it, were more than the velocities in ``stage``; they are brought up to date, and with them Newton's
+        method begins nearer (``kernels/implicit_guess.py``).
         """
         model, worlds = self.model, self.worlds
         fill(worlds.at_work)
@@ -100,8 +102,8 @@ class Newton:
         limits = [self.tolerance, self._rounding / gamma, LOOSEST]
         inputs = [self.cg.lanes, taking_part, *sums, *limits]
         self._launch("start_worlds", model.world_count, inputs, [worlds])
-        if change is not None:
-            self._guess("lead", [taking_part], [change, stage.particle_qd])
+        if changes is not None:
+            self._guess("lead", [taking_part, worlds.tolerance], [*changes, stage.particle_qd])
         place = [model.particle_inv_mass, self.position_base, gamma]
         self._launch("place", model.particle_count, place, [stage.particle_q, stage.particle_qd])
         drive_pins(model, stage.world_time, time_offset, stage.particle_q, stage.particle_qd)
@@ -109,8 +111,8 @@ class Newton:
         problem = _Problem(stage, forces, gamma, time_offset, matrix)
         self._evaluate(problem)
         repeat_while(worlds.at_work, lambda: self._iterate(problem))
-        if change is not None:
-            self._guess("learn", [taking_part, stage.particle_qd], [change])
+        if changes is not None:
+            self._guess("learn", [taking_part, stage.particle_qd], [changes[0]])
 
     def metrics(self) -> dict[str, Any]:
         """Of the latest step, the worst world: ``newton_iterations``, ``cg_iterations``, ``residual`` (the last update
