@@ -13,7 +13,6 @@ from .precision import FORWARD_ONLY, real, vec3
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
 
 FADE = wp.constant(0.5)
-RENEWAL = wp.constant(3)  # iterations
 
 
 @wp.struct
@@ -21,8 +20,7 @@ class Worlds:
     """Newton's method in each world: is it still at work, its iterations, the latest update (root mean square [m/s])
     with its step length, and the update that is small enough; for the next one the accuracy of the linear solve, and
     whether the matrix is projected; mass and number of its free particles, over which updates are averaged; totals over
-    all steps; and how many worlds are at work or searching, how often they all have been at it, and whether bending is
-    to be linearised anew."""
+    all steps; and how many worlds are at work or searching."""
 
     active: wp.array(dtype=wp.int32)
     searching: wp.array(dtype=wp.int32)
@@ -41,8 +39,6 @@ class Worlds:
     failures: wp.array(dtype=wp.int32)
     at_work: wp.array(dtype=wp.int32)
     at_search: wp.array(dtype=wp.int32)
-    rounds: wp.array(dtype=wp.int32)
-    renewed: wp.array(dtype=wp.int32)
 
 
 @wp.kernel
@@ -97,9 +93,6 @@ def start_worlds(
     Updates [m/s] are small enough below ``tolerance``, or below ``rounding`` [1/s] times the largest coordinate.
     """
     w = wp.tid()
-    if w == 0:
-        worlds_out.rounds[0] = 0
-        worlds_out.renewed[0] = 1
     worlds_out.active[w] = takes_part[w]
     worlds_out.searching[w] = 0
     if takes_part[w] == 0:
@@ -326,9 +319,6 @@ def judge_worlds(
     One whose velocities are no longer finite gives up.
     """
     w = wp.tid()
-    if w == 0:
-        worlds_out.rounds[0] = worlds_out.rounds[0] + 1
-        worlds_out.renewed[0] = int(worlds_out.rounds[0] % RENEWAL == 0)
     if worlds_out.active[w] == 0:
         return
     k = worlds_out.iterations[w] + 1

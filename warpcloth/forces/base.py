@@ -26,8 +26,6 @@ class Linearization:
             scalar type, shape [world_count].
         time_offset: when the state is [s], after its ``world_time``.
         unlike: one of the same state, time, a and b, but perhaps not projected alike; None: none that is known.
-        renewed: int32, shape [1]: 0 where matrices that are never projected may be those that were written down last,
-            at another state nearby; None: nowhere.
     """
 
     state: State
@@ -36,7 +34,6 @@ class Linearization:
     world_project: wp.array
     time_offset: float = 0.0
     unlike: "Linearization | None" = None
-    renewed: wp.array | None = None
 
     def projected(self, world_project: wp.array) -> "Linearization":
         """The same, but for what is projected."""

@@ -6,7 +6,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import warp as wp
 
-from ..launching import copy, fill, launch, only_if
+from ..launching import fill, launch
 from ..model import Model
 from .base import ForceTerm, Linearization
 
@@ -58,10 +58,7 @@ class BlockMatrix:
 
     Attributes:
         terms: those whose matrix it is.
-        with_diagonal: those whose diagonal is written down, too. They are written down apart, as they may stay as they
-            were where a solver says so: bending in each iteration took a quarter of the time of Newton's method, and in
-            every third there are as many iterations (the bunny, the flag, two sheets: 3 to 6 a step, by 0.3 more or
-            fewer, even if it was done once a step only).
+        with_diagonal: those whose diagonal is written down, too.
     """
 
     def __init__(self, model: Model, terms: Sequence[ForceTerm]):
@@ -80,25 +77,19 @@ class BlockMatrix:
         ]
         self.with_diagonal = [term for term, _ in self._written if isinstance(term, NeverProjected)]
         mat33 = kernels.precision.mat33
-        self.rows, self._lasting = kernels.block_rows.BlockRows(), kernels.block_rows.BlockRows()
-        self.rows.start = self._lasting.start = model.array(np.searchsorted(blocks, n * np.arange(n + 1)), wp.int32)
-        self.rows.column = self._lasting.column = model.array(blocks % n, wp.int32)
-        self.rows.diagonal = self._lasting.diagonal = wp.zeros(n, dtype=mat33, device=model.device)
-        for rows in (self.rows, self._lasting):
-            rows.block = wp.zeros(len(blocks), dtype=mat33, device=model.device)
-            rows.own = wp.zeros(n, dtype=mat33, device=model.device)
+        self.rows = kernels.block_rows.BlockRows()
+        self.rows.start = model.array(np.searchsorted(blocks, n * np.arange(n + 1)), wp.int32)
+        self.rows.column = model.array(blocks % n, wp.int32)
+        self.rows.block = wp.zeros(len(blocks), dtype=mat33, device=model.device)
+        self.rows.own, self.rows.diagonal = (wp.zeros(n, dtype=mat33, device=model.device) for _ in range(2))
 
     def assemble(self, at: Linearization) -> None:
-        """Adds up the matrix at a state; what is in ``with_diagonal`` anew unless ``at.renewed`` says otherwise."""
-        if at.renewed is None:
-            self._renew(at)
-        else:
-            only_if(at.renewed, lambda: self._renew(at))
-        copy(self.rows.block, self._lasting.block)
-        copy(self.rows.own, self._lasting.own)
+        """Adds up the matrix at a state."""
+        fill(self.rows.block)
+        fill(self.rows.own)
+        fill(self.rows.diagonal)
         for term, slots in self._written:
-            if term not in self.with_diagonal:
-                term.add_blocks(at, slots, self.rows)
+            term.add_blocks(at, slots, self.rows)
 
     def multiply(self, at: Linearization, x: wp.array, out: wp.array) -> None:
         """Adds to ``out`` the product of x with the terms' matrices at the state that was assembled last; both vec3,
@@ -110,14 +101,6 @@ class BlockMatrix:
         for term in self.terms:
             if isinstance(term, PartlyAssembled):
                 term.multiply_rest(at, x, out)
-
-    def _renew(self, at: Linearization) -> None:
-        """Adds up the matrices of ``with_diagonal``."""
-        for array in (self._lasting.block, self._lasting.own, self._lasting.diagonal):
-            fill(array)
-        for term, slots in self._written:
-            if term in self.with_diagonal:
-                term.add_blocks(at, slots, self._lasting)
 
     def add_diagonal(self, out: wp.array) -> None:
         """Adds to ``out`` the diagonal blocks of ``with_diagonal`` at the state that was assembled last."""

@@ -3,7 +3,6 @@
 Its loops end when a counter on the device is 0, also inside captured graphs (on GPUs: CUDA 12.4 or newer).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,16 +82,12 @@ class Newton:
         self._rounding = ROUNDING * float(np.finfo(np.float64 if double else np.float32).eps)
 
     def solve(
-        self, stage: State, forces: Forces, gamma: float, time_offset: float, takes_part: wp.array | None = None,
-        changes: Sequence[wp.array] | None = None,
-    ) -> None:  # fmt: skip
+        self, stage: State, forces: Forces, gamma: float, time_offset: float, takes_part: wp.array | None = None
+    ) -> None:
         """From the guess in ``stage`` to the solution there, γ in [s]; positions of pinned particles are kept.
 
         x̄ and v̄ are in ``position_base`` and ``velocity_base``; moving pins go to their place at ``time_offset`` [s].
         ``takes_part`` (int32, shape [world_count]) is 1 for worlds to solve in, None: all; others stay at their guess.
-        ``changes`` [m/s], two arrays, vec3, shape [particle_count], are what the solutions of the last step, and of the
-        one before it, were more than the velocities in ``stage``; they are brought up to date, and with them Newton's
-        method begins nearer (``kernels/implicit_guess.py``).
         """
         model, worlds = self.model, self.worlds
         fill(worlds.at_work)
@@ -102,17 +97,13 @@ class Newton:
         limits = [self.tolerance, self._rounding / gamma, LOOSEST]
         inputs = [self.cg.lanes, taking_part, *sums, *limits]
         self._launch("start_worlds", model.world_count, inputs, [worlds])
-        if changes is not None:
-            self._guess("lead", [taking_part, worlds.tolerance], [*changes, stage.particle_qd])
         place = [model.particle_inv_mass, self.position_base, gamma]
         self._launch("place", model.particle_count, place, [stage.particle_q, stage.particle_qd])
         drive_pins(model, stage.world_time, time_offset, stage.particle_q, stage.particle_qd)
-        matrix = Linearization(stage, gamma * gamma, gamma, worlds.project, time_offset, renewed=worlds.renewed)
+        matrix = Linearization(stage, gamma * gamma, gamma, worlds.project, time_offset)
         problem = _Problem(stage, forces, gamma, time_offset, matrix)
         self._evaluate(problem)
         repeat_while(worlds.at_work, lambda: self._iterate(problem))
-        if changes is not None:
-            self._guess("learn", [taking_part, stage.particle_qd], [changes[0]])
 
     def metrics(self) -> dict[str, Any]:
         """Of the latest step, the worst world: ``newton_iterations``, ``cg_iterations``, ``residual`` (the last update
@@ -159,11 +150,6 @@ class Newton:
         inputs = [cg.lanes, model.particle_mass, model.particle_inv_mass, *vectors, problem.gamma]
         self._launch("residual", cg.lane_count, inputs, [self._residual, cg.partial])
 
-    def _guess(self, kernel: str, inputs: list, outputs: list) -> None:
-        model = self.model
-        inputs = [model.particle_inv_mass, model.particle_world, *inputs]
-        launch(getattr(model.kernels.implicit_guess, kernel), model.particle_count, inputs, outputs, model.device)
-
     def _launch(self, kernel: str, dim: int, inputs: list, outputs: list) -> None:
         launch(getattr(self.kernels, kernel), dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)
 
@@ -179,6 +165,5 @@ def _make_worlds(model: Model, kernels: Any) -> Any:
     for dtype, names in groups:
         for name in names:
             setattr(worlds, name, wp.zeros(model.world_count, dtype=dtype, device=model.device))
-    for name in ("at_work", "at_search", "rounds", "renewed"):
-        setattr(worlds, name, wp.zeros(1, dtype=wp.int32, device=model.device))
+    worlds.at_work, worlds.at_search = (wp.zeros(1, dtype=wp.int32, device=model.device) for _ in range(2))
     return worlds
