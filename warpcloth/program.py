@@ -85,7 +85,9 @@ class ProgramWriter:
     def fill(self, target: wp.array, value: Any) -> None:
         """All elements of a contiguous array."""
         key = (target.dtype, _identity(value))
-        pattern = self._patterns.setdefault(key, wp.full(1, value, dtype=target.dtype, device="cpu"))
+        if key not in self._patterns:
+            self._patterns[key] = wp.full(1, value, dtype=target.dtype, device="cpu")
+        pattern = self._patterns[key]
         self._words += [self._codes.FILL, target.ptr or 0, pattern.ptr, pattern.strides[0], target.size]
         self._kept += [target, pattern]
 

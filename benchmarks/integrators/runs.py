@@ -91,7 +91,6 @@ def measure(
     with beyond_limits():
         sim = problem.simulation(integrator, substeps, options)
         dt = problem.end / frames
-        first = _count_frame(problem.simulation(integrator, substeps, options, graph=False), dt)
         _warm_up(sim, dt)
         times: list[tuple[float, float]] = []
         errors = (0.0, 0.0)
@@ -105,8 +104,11 @@ def measure(
             counts = Counts.of(sim).since(before)
             errors = errors_of(sim, truth)
         strain = mean_strain(sim.model, sim.state.particle_q.numpy())
+        evaluations = counts.evaluations
+        if sim.graph:
+            first = _count_frame(problem.simulation(integrator, substeps, options, graph=False), dt)
+            evaluations = counts.all_evaluations(first, frames)
     taken = counts.accepted or frames * substeps
-    evaluations = counts.all_evaluations(first, frames) if sim.graph else counts.evaluations
     work = (evaluations, counts.linear, counts.unconverged)
     wall, cpu = (statistics.median(column) for column in zip(*times, strict=True))
     return Run(taken, problem.end / taken, *work, wall, cpu, len(times), *errors, strain)
