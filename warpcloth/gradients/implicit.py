@@ -41,7 +41,7 @@ def implicit_step(
         drive_pins(model, start.world_time, time, end.particle_q, end.particle_qd)
     wp.copy(scheme.newton.position_base, base.particle_q)
     wp.copy(scheme.newton.velocity_base, base.particle_qd)
-    scheme.newton.solve(end, recording.plain_forces, gamma, time)
+    scheme.newton.solve(end, recording.plain_forces, gamma, time, changes=scheme.changes[0])
     stage = _Stage(recording, scheme, model, base, end, gamma, time)
     recording.before_going_back_further(stage.backward)
     if scheme.stage.beyond != 0.0:

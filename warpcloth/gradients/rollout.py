@@ -196,7 +196,8 @@ class Rollout:
         self._present = Snapshots([*arrays, state.particle_f], 1)
         self._given = Snapshots(list(self.parameters.values()), 1)
         self._start_time = simulation.time
-        self._lasting = [*self.parameters.values(), self.model.particle_inv_mass, *self._memory]
+        self._passed_on = [array for array in self._memory if array.requires_grad]  # guesses of solvers are not
+        self._lasting = [*self.parameters.values(), self.model.particle_inv_mass, *self._passed_on]
 
     def _march(self, first: int, last: int, kept: Snapshots | None) -> None:
         """Substeps ``first`` to ``last`` from the state of the simulation; ``kept`` takes what each begins with."""
@@ -227,7 +228,7 @@ class Rollout:
 
     def _add_gradients(self) -> None:
         assert self._derived is not None
-        for array in self._memory:
+        for array in self._passed_on:
             array.grad.zero_()
         behind = fresh_state(self.start)
         _zero_gradients(behind)

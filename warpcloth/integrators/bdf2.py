@@ -40,7 +40,8 @@ class Bdf2(ImplicitScheme):
         only_if(self._wanted, lambda: self._step_first(model, state_in, forces, dt))
         self._recall(model, state_in, dt)
         self._start(model, state_in, state_out, self._past, dt)
-        self.newton.solve(state_out, forces, self.stage.gamma * dt, self.stage.time * dt)
+        gamma, time = self.stage.gamma * dt, self.stage.time * dt
+        self.newton.solve(state_out, forces, gamma, time, changes=self.changes[0])
         self._remember(model, state_in, state_out, dt)
 
     def reset(self) -> None:
@@ -51,7 +52,7 @@ class Bdf2(ImplicitScheme):
         """The two states before and the step between them."""
         own = np.arange(len(self._past.particle_q))
         states = [array for state in (self._past, self._end) for array in (state.particle_q, state.particle_qd)]
-        return [*(Memory(array, own) for array in states), Memory(self._past_dt, None)]
+        return [*super().memory(), *(Memory(array, own) for array in states), Memory(self._past_dt, None)]
 
     def _step_first(self, model: Model, state_in: State, forces: Forces, dt: float) -> None:
         """A step of implicit Euler from ``state_in`` to ``self._first``."""

@@ -4,16 +4,19 @@ Each step solves M (v − v̄) = γ f(x̄ + γ v, v) once; the schemes differ in
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
+import numpy as np
 import warp as wp
 
 from ..forces import Forces
 from ..kinematics import drive_pins
 from ..launching import launch
 from ..model import Model
-from ..state import State
+from ..state import Memory, State
 from .base import Integrator
 from .newton import Newton
 
@@ -46,6 +49,9 @@ class ImplicitScheme(Integrator):
 
     Raises:
         InputError: an option is out of range.
+
+    Attributes:
+        changes: of each solve in a step, by how much it changed velocities in the last two [m/s]; see ``Newton.solve``.
     """
 
     implicit = True
@@ -55,6 +61,7 @@ class ImplicitScheme(Integrator):
     steps_per_travel = 1.0
     convergence_options: ClassVar[dict[str, Any]] = {"tolerance": 1e-12}
     stage: ClassVar[Stage]
+    solves: ClassVar[int] = 1  # in a step, at most, each with a guess of its own
 
     def __init__(
         self,
@@ -66,6 +73,8 @@ class ImplicitScheme(Integrator):
         cg_iterations: int = 1000,
     ):
         self.newton = Newton(model, tolerance, max_iterations, cg_tolerance, cg_iterations)
+        nothing = partial(wp.zeros_like, model.particle_q, requires_grad=False)
+        self.changes = [(nothing(), nothing()) for _ in range(self.solves)]
         self._allocate(model)
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
@@ -80,9 +89,13 @@ class ImplicitScheme(Integrator):
         if self.stage.at_start != 0.0:
             forces.evaluate(state_in)
         self._start(model, state_in, state_out, state_in, dt)
-        self.newton.solve(state_out, forces, self.stage.gamma * dt, self.stage.time * dt, takes_part)
+        self.newton.solve(state_out, forces, self.stage.gamma * dt, self.stage.time * dt, takes_part, self.changes[0])
         if self.stage.beyond != 0.0:
             self.finish(model, state_in, state_out, dt)
+
+    def memory(self) -> Sequence[Memory]:
+        """The changes of the last two steps."""
+        return [Memory(change, np.arange(len(change))) for pair in self.changes for change in pair]
 
     def metrics(self) -> dict[str, Any]:
         """See :meth:`~warpcloth.integrators.newton.Newton.metrics`."""

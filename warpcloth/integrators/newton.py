@@ -3,6 +3,7 @@
 Its loops end when a counter on the device is 0, also inside captured graphs (on GPUs: CUDA 12.4 or newer).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,6 +76,7 @@ class Newton:
         self.kernels = model.kernels.implicit_step
         self.worlds = _make_worlds(model, self.kernels)
         self._everywhere = wp.ones(model.world_count, dtype=wp.int32, device=model.device)
+        self._leads = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
         self.position_base, self.velocity_base, self._start, self._residual = (
             wp.zeros_like(model.particle_q) for _ in range(4)
         )
@@ -82,12 +84,16 @@ class Newton:
         self._rounding = ROUNDING * float(np.finfo(np.float64 if double else np.float32).eps)
 
     def solve(
-        self, stage: State, forces: Forces, gamma: float, time_offset: float, takes_part: wp.array | None = None
-    ) -> None:
+        self, stage: State, forces: Forces, gamma: float, time_offset: float, takes_part: wp.array | None = None,
+        changes: Sequence[wp.array] | None = None,
+    ) -> None:  # fmt: skip
         """From the guess in ``stage`` to the solution there, γ in [s]; positions of pinned particles are kept.
 
         x̄ and v̄ are in ``position_base`` and ``velocity_base``; moving pins go to their place at ``time_offset`` [s].
         ``takes_part`` (int32, shape [world_count]) is 1 for worlds to solve in, None: all; others stay at their guess.
+        ``changes`` [m/s], two arrays, vec3, shape [particle_count], are what the solutions of the last step, and of the
+        one before it, were more than the velocities in ``stage``; they are brought up to date, and with them Newton's
+        method begins nearer (``kernels/implicit_guess.py``).
         """
         model, worlds = self.model, self.worlds
         fill(worlds.at_work)
@@ -97,6 +103,8 @@ class Newton:
         limits = [self.tolerance, self._rounding / gamma, LOOSEST]
         inputs = [self.cg.lanes, taking_part, *sums, *limits]
         self._launch("start_worlds", model.world_count, inputs, [worlds])
+        if changes is not None:
+            self._lead(taking_part, changes, stage)
         place = [model.particle_inv_mass, self.position_base, gamma]
         self._launch("place", model.particle_count, place, [stage.particle_q, stage.particle_qd])
         drive_pins(model, stage.world_time, time_offset, stage.particle_q, stage.particle_qd)
@@ -104,6 +112,9 @@ class Newton:
         problem = _Problem(stage, forces, gamma, time_offset, matrix)
         self._evaluate(problem)
         repeat_while(worlds.at_work, lambda: self._iterate(problem))
+        if changes is not None:
+            inputs = [model.particle_inv_mass, model.particle_world, taking_part, stage.particle_qd]
+            self._launch_guess("learn", model.particle_count, inputs, [changes[0]])
 
     def metrics(self) -> dict[str, Any]:
         """Of the latest step, the worst world: ``newton_iterations``, ``cg_iterations``, ``residual`` (the last update
@@ -149,6 +160,18 @@ class Newton:
         vectors = [self.velocity_base, state.particle_qd, state.particle_f, cg.x]
         inputs = [cg.lanes, model.particle_mass, model.particle_inv_mass, *vectors, problem.gamma]
         self._launch("residual", cg.lane_count, inputs, [self._residual, cg.partial])
+
+    def _lead(self, takes_part: wp.array, changes: Sequence[wp.array], stage: State) -> None:
+        """From the velocities at the start of the step to the guess, in worlds whose changes go on."""
+        model, lanes, worlds, sums = self.model, self.cg.lanes, self.worlds, [self._by_mass, self._by_count]
+        self._launch_guess("weigh", self.cg.lane_count, [lanes, model.particle_inv_mass, *changes], sums)
+        inputs = [lanes, takes_part, worlds.tolerance, worlds.count, *sums]
+        self._launch_guess("decide", model.world_count, inputs, [self._leads])
+        inputs = [model.particle_inv_mass, model.particle_world, takes_part, self._leads]
+        self._launch_guess("lead", model.particle_count, inputs, [*changes, stage.particle_qd])
+
+    def _launch_guess(self, kernel: str, dim: int, inputs: list, outputs: list) -> None:
+        launch(getattr(self.model.kernels.implicit_guess, kernel), dim, inputs, outputs, self.model.device)
 
     def _launch(self, kernel: str, dim: int, inputs: list, outputs: list) -> None:
         launch(getattr(self.kernels, kernel), dim=dim, inputs=inputs, outputs=outputs, device=self.model.device)

@@ -46,6 +46,7 @@ class UndampedScheme(ImplicitScheme):
     """
 
     gain_share: ClassVar[float]
+    solves = 3
 
     def _allocate(self, model: Model) -> None:
         self._middle, self._damped, self._end = (State.of(model) for _ in range(3))
@@ -82,11 +83,11 @@ class UndampedScheme(ImplicitScheme):
     def memory(self) -> Sequence[Memory]:
         """The end of the last step, its length, and what was gained."""
         if self.newton.model.differentiable:
-            return ()
+            return super().memory()
         own = np.arange(len(self._end.particle_q))
         ends = [Memory(array, own) for array in (self._end.particle_q, self._end.particle_qd)]
         worlds = self._past_dt, self._gains.gained, self._gains.energy
-        return [*ends, *(Memory(array, None) for array in worlds)]
+        return [*super().memory(), *ends, *(Memory(array, None) for array in worlds)]
 
     def _look(self, model: Model, state_in: State, forces: Forces) -> None:
         """Which worlds are in somebody's hand, or not where their last step ended."""
@@ -136,9 +137,9 @@ class UndampedScheme(ImplicitScheme):
         for state in (middle, damped):
             copy(state.world_time, state_in.world_time)
         self._start(model, state_in, middle, state_in, half, ImplicitEuler.stage)
-        self.newton.solve(middle, forces, half, half, self._damps)
+        self.newton.solve(middle, forces, half, half, self._damps, self.changes[1])
         self._start(model, middle, damped, middle, half, ImplicitEuler.stage)
-        self.newton.solve(damped, forces, half, dt, self._damps)
+        self.newton.solve(damped, forces, half, dt, self._damps, self.changes[2])
         inputs = [model.particle_world, self._damps, damped.particle_q, damped.particle_qd]
         self._launch(model, "take_jumped", inputs, [state_out.particle_q, state_out.particle_qd])
 
