@@ -51,13 +51,22 @@ def coplanar_segments_meet(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
 @wp.func
 def inside_flat(p: wp.vec2d, a: wp.vec2d, b: wp.vec2d, c: wp.vec2d):
     """Whether p lies in the closed triangle; in one without area, at least in its box."""
-    u = turn(a, b, p)
-    v = turn(b, c, p)
-    w = turn(c, a, p)
     low = wp.min(wp.min(a, b), c)
     high = wp.max(wp.max(a, b), c)
-    boxed = low[0] <= p[0] and p[0] <= high[0] and low[1] <= p[1] and p[1] <= high[1]
-    return boxed and ((u >= 0 and v >= 0 and w >= 0) or (u <= 0 and v <= 0 and w <= 0))
+    if not (low[0] <= p[0] and p[0] <= high[0] and low[1] <= p[1] and p[1] <= high[1]):
+        return False
+    least = int(1)
+    most = int(-1)
+    edges = int(3)
+    start = a
+    end = b
+    for k in range(edges):
+        sign = turn(start, end, p)
+        least = wp.min(least, sign)
+        most = wp.max(most, sign)
+        start = end
+        end = wp.where(k == 0, c, a)
+    return least >= 0 or most <= 0
 
 
 @wp.func
@@ -110,6 +119,23 @@ def clearly_apart(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3
 
 
 @wp.func
+def passes_within(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
+    """Whether the line p–q has all edges of a triangle, whose plane it crosses, on one side or meets them."""
+    least = int(1)
+    most = int(-1)
+    edges = int(3)
+    start = a
+    end = b
+    for k in range(edges):
+        sign = side(p, q, start, end)
+        least = wp.min(least, sign)
+        most = wp.max(most, sign)
+        start = end
+        end = wp.where(k == 0, c, a)
+    return least >= 0 or most <= 0
+
+
+@wp.func
 def segment_meets_triangle(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
     """Whether the closed segment p–q and the closed triangle have a point in common."""
     if clearly_apart(p, q, a, b, c):
@@ -120,10 +146,7 @@ def segment_meets_triangle(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c
         return False
     if s == 0 and t == 0:
         return coplanar_meets(p, q, a, b, c)
-    u = side(p, q, a, b)
-    v = side(p, q, b, c)
-    w = side(p, q, c, a)
-    return (u >= 0 and v >= 0 and w >= 0) or (u <= 0 and v <= 0 and w <= 0)
+    return passes_within(p, q, a, b, c)
 
 
 @wp.func

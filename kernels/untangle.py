@@ -82,5 +82,14 @@ def find_crossings(
         if t <= s or s >= cloth_tris:
             continue
         other = triple_at(tri_indices, t)
-        add_crossings(particle_q, mine, s, other, t, found_out)
-        add_crossings(particle_q, other, t, mine, s, found_out)
+        first = mine
+        second = other
+        p = s
+        q = t
+        ways = int(2)  # no constant: unrolled, all that is inside compiles twice
+        for way in range(ways):
+            add_crossings(particle_q, first, p, second, q, found_out)
+            first = other
+            second = mine
+            p = t
+            q = s
