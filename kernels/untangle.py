@@ -87,7 +87,7 @@ def find_crossings(
         p = s
         q = t
         ways = int(2)  # no constant: unrolled, all that is inside compiles twice
-        for way in range(ways):
+        for _way in range(ways):
             add_crossings(particle_q, first, p, second, q, found_out)
             first = other
             second = mine

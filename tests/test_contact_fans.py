@@ -21,10 +21,9 @@ def stays_flat(begin: np.ndarray, end: np.ndarray, closed: bool) -> bool:
         turned = np.radians(angles)
         spokes = np.column_stack([np.cos(turned), np.sin(turned), np.zeros(n)])
         ways.append(wp.array(np.concatenate([np.zeros((1, 3)), spokes]), dtype=wp.vec3, device="cpu"))
-    start, turns = (wp.array(values, dtype=wp.int32, device="cpu") for values in (fans.start, fans.turns))
-    spokes = wp.array(fans.spokes, dtype=wp.vec2i, device="cpu")
+    arrays = [wp.array(values, dtype=wp.int32, device="cpu") for values in (fans.start, fans.ring, fans.turns)]
     active, found = (wp.full(n + 1, value, dtype=wp.int32, device="cpu") for value in (1, -1))
-    inputs = [0, start, spokes, turns, *ways, active, 1]
+    inputs = [0, *arrays, *ways, active, 1]
     kernel = KernelSet("float32").contact_fans.find_flat_fans
     wp.launch(kernel, 1, inputs=inputs, outputs=[found], device="cpu")
     return bool(found.numpy()[0])

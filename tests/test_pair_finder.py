@@ -1,6 +1,7 @@
 """What may be near is found, whatever is remembered of earlier ways and however few pairs are looked at."""
 
 import itertools
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -266,6 +267,10 @@ def test_fans_of_a_grid_are_closed_but_at_its_border(columns, rows):
     inner[1:-1, 1:-1] = True
     assert np.array_equal(fans.turns == CLOSED, inner.ravel())
     assert np.array_equal(fans.turns == OPEN, ~inner.ravel())
+    rings = [fans.ring[first:last].tolist() for first, last in pairwise(fans.start)]
+    around = [ring + ring[:1] if turns == CLOSED else ring for ring, turns in zip(rings, fans.turns, strict=True)]
+    found = sorted((i, a, b) for i, ring in enumerate(around) for a, b in pairwise(ring))
+    assert found == sorted((*np.roll(triangle, -k).tolist(),) for triangle in triangles for k in range(3))
 
 
 @pytest.mark.parametrize("way", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.5)])

@@ -12,13 +12,13 @@ class Fans:
     """The triangles around each vertex.
 
     Attributes:
-        start, spokes: fan i has the entries ``start[i]:start[i + 1]`` of ``spokes``: of each of its triangles the other
-            two corners, counter-clockwise; of an open fan the first triangle comes first. Shapes [n + 1], [3 m, 2].
+        start, ring: the corners around vertex i, counter-clockwise, are ``ring[start[i]:start[i + 1]]``: as many as
+            there are triangles around it, of an open fan one more, of a broken one none. Shapes [n + 1], [r].
         turns: CLOSED, OPEN or BROKEN, shape [n].
     """
 
     start: np.ndarray
-    spokes: np.ndarray
+    ring: np.ndarray
     turns: np.ndarray
 
 
@@ -31,14 +31,21 @@ def fans_of(triangles: np.ndarray, vertex_count: int) -> Fans:
     order = np.argsort(corners[:, 0], kind="stable")
     centre, spokes = corners[order, 0], corners[order, 1:].astype(np.int32)
     start = np.searchsorted(centre, np.arange(vertex_count + 1))
-    turns, first = _walk(centre, spokes, start)
-    some = np.flatnonzero(np.diff(start))
-    spokes[start[some]], spokes[first[some]] = spokes[first[some]], spokes[start[some]].copy()
-    return Fans(start.astype(np.int32), spokes, turns)
+    turns, around = _walk(centre, spokes, start)
+    valence = np.diff(start)
+    length = np.where(turns == BROKEN, 0, valence + ((turns == OPEN) & (valence > 0)))
+    ring_start = np.concatenate([[0], np.cumsum(length)])
+    whole = turns[centre] != BROKEN
+    place = ring_start[centre] + np.arange(len(centre)) - start[centre]
+    ring = np.zeros(ring_start[-1], dtype=np.int32)
+    ring[place[whole]] = spokes[around[whole], 0]
+    ends = np.flatnonzero((turns == OPEN) & (valence > 0))
+    ring[ring_start[ends + 1] - 1] = spokes[around[start[ends + 1] - 1], 1]
+    return Fans(ring_start.astype(np.int32), ring, turns)
 
 
 def _walk(centre: np.ndarray, spokes: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """CLOSED, OPEN or BROKEN, and the first entry of each fan; all fans are walked at once."""
+    """CLOSED, OPEN or BROKEN, and the entries of each fan in their order around it; all fans are walked at once."""
     count, valence = len(start) - 1, np.diff(start)
     leaving, arriving = (centre * count + spokes[:, k] for k in (0, 1))
     order = np.argsort(leaving)
@@ -48,13 +55,17 @@ def _walk(centre: np.ndarray, spokes: np.ndarray, start: np.ndarray) -> tuple[np
     first = start[:-1].copy()
     first[centre[starts]] = starts
     open_ends = np.bincount(centre[starts], minlength=count)
+    around = np.arange(len(centre))
     here, steps = first.copy(), np.minimum(valence, 1)
+    around[start[:-1][valence > 0]] = first[valence > 0]
     for _ in range(int(valence.max(initial=0))):
         onward = np.where(valence > 0, follower[np.minimum(here, len(follower) - 1)], -1)
         goes = (onward >= 0) & (onward != first)
+        kept = goes & (steps < valence)
+        around[(start[:-1] + steps)[kept]] = onward[kept]
         here, steps = np.where(goes, onward, here), steps + goes
     twice = [np.unique(keys, return_counts=True) for keys in (leaving, arriving)]
     doubled = np.concatenate([keys[counts > 1] // count for keys, counts in twice])
     turns = np.where(open_ends == 0, CLOSED, OPEN).astype(np.int32)
     turns[(steps != valence) | (open_ends > 1) | np.isin(np.arange(count), doubled)] = BROKEN
-    return turns, first
+    return turns, around

@@ -42,7 +42,7 @@ class PairFinder:
         self.share = model.array(1.0 / np.maximum(sizes, 1), wp.float64)
         fans = fans_of(model.tri_indices.numpy(), n)
         self.fan_start, self.fan_turns = model.array(fans.start, wp.int32), model.array(fans.turns, wp.int32)
-        self.fan_spokes = model.array(fans.spokes, wp.vec2i)
+        self.fan_ring = model.array(fans.ring, wp.int32)
         self.corners = [model.particle_corner_start, model.particle_corner_ids]
         self.flat = wp.zeros(n, dtype=wp.int32, device=device)
 
@@ -100,7 +100,7 @@ class PairFinder:
 
         One set given twice is looked at once.
         """
-        inputs = [self.fan_start, self.fan_spokes, self.fan_turns, start, end, active, int(end is not start)]
+        inputs = [self.fan_start, self.fan_ring, self.fan_turns, start, end, active, int(end is not start)]
         self._launch(self.kernels.contact_fans.find_flat_fans, self.model.particle_count, inputs, [self.flat])
 
     def grow(self) -> bool:
