@@ -117,9 +117,9 @@ def test_bad_meshes_fail_alone_with_their_reasons(tmp_path):
     (tmp_path / "objects" / "a_good.obj").write_text(TETRAHEDRON)
     (tmp_path / "objects" / "b_corrupt.stl").write_bytes(b"solid\0" + bytes(range(256)) * 3)
     (tmp_path / "objects" / "c_empty.obj").write_text("")
-    with open(tmp_path / "objects" / "d_huge.stl", "wb") as huge:  # 12 million triangles, in a file with a hole
-        huge.write(bytes(80) + (12_000_000).to_bytes(4, "little"))
-        huge.truncate(84 + 50 * 12_000_000)
+    with open(tmp_path / "objects" / "d_huge.stl", "wb") as huge:  # 5 million triangles, in a file with a hole
+        huge.write(bytes(80) + (5_000_000).to_bytes(4, "little"))
+        huge.truncate(84 + 50 * 5_000_000)
     (tmp_path / "objects" / "e_good.obj").write_text(TETRAHEDRON)
     scene = SCENE.replace(BALL, MESH).replace("frames = 24", "frames = 3")
     path = written(tmp_path, OBJECTS + "[limits]\nmemory_mib = 1000\n", scene)
