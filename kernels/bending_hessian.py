@@ -116,8 +116,10 @@ def gather_products(
 
 @wp.struct
 class EntryMatrices:
-    """Blocks of a K + b C between an entry and the others of its element: w_j plain + α_j along + β_j across."""
+    """Blocks of a K + b C between an entry and the others of its element: w_j plain + α_j along + β_j across; the last
+    two are zero unless the element ``leans``, so that its moments turn with its tangents."""
 
+    leans: wp.int32
     plain: mat33
     along: mat33
     across: mat33
@@ -134,13 +136,15 @@ def entry_matrices(
     b: real,
 ):
     """What entry k has with the others. With the measures d − κ c and d − p c, whose derivatives with respect to the
-    particle of entry j are w_j I + κ (α_j [t₂]× − β_j [t₁]×), and with p for κ: Gᵀ k G + Hᵀ M H."""
+    particle of entry j are w_j I + κ (α_j [t₂]× − β_j [t₁]×), and with p for κ: Gᵀ k G + Hᵀ M H. Most elements are flat
+    at rest and have not slipped, κ = p = 0, and leave little to do."""
     law = elements.law[e]
     w = elements.weight[k]
     identity = wp.identity(n=3, dtype=real)
     sums = element_sums(elements, e, particle_q)
     result = EntryMatrices()
-    if elements.turning == 1:
+    if elements.turning == 1 and (law[2] != real(0.0) or slip[e] != real(0.0)):
+        result.leans = 1
         first = wp.skew(sums.t1)
         second = wp.skew(sums.t2)
         tangent = elements.tangent[k]
@@ -154,6 +158,8 @@ def entry_matrices(
         result.across = -(leaning * first)
     else:
         result.plain = mat33((a * law[0] * w) * identity)
+        if elements.turning == 1:
+            result.plain = result.plain + (a * w) * friction_matrix(sums.d, elements.friction[e])
     if law[1] > real(0.0):
         direction = damping_direction(sums.d)
         result.plain = result.plain + (b * law[1] * w) * wp.outer(direction, direction)
@@ -163,7 +169,10 @@ def entry_matrices(
 @wp.func
 def entry_block(weight: real, tangent: vec2, m: EntryMatrices):
     """The block with an entry of this weight and these tangents."""
-    return mat33(weight * m.plain + tangent[0] * m.along + tangent[1] * m.across)
+    block = mat33(weight * m.plain)
+    if m.leans == 1:
+        block = block + tangent[0] * m.along + tangent[1] * m.across
+    return block
 
 
 @wp.kernel

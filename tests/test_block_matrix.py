@@ -13,7 +13,7 @@ LIFTED = (0.0, 0.0, 0.01)
 
 
 def grid(precision: str = "float64") -> wc.Model:
-    """Springs, bending with hysteresis, a rest curvature."""
+    """Springs, bending with hysteresis."""
     cloth = wc.Cloth.grid((0.4, 0.5), (9, 12), fabric=wc.library_fabric("cotton"), transform=LIFTED)
     return wc.Model.build([cloth], [wc.Plane()], precision=precision)
 
@@ -41,7 +41,7 @@ def irregular() -> trimesh.Trimesh:
 
 
 def disturbed(model: wc.Model, **options) -> wc.Simulation:
-    """In motion, out of shape, with slip in its bending, some of it on the floor."""
+    """In motion, out of shape, some of it on the floor; bending with and without slip, flat and curved at rest."""
     air = wc.Air(wind=(3.0, 1.0, 2.0), turbulence=1.0)
     forces = [MassDamping(model, 3.0)]
     sim = wc.Simulation(model, "implicit_euler", contact="obstacles", air=air, forces=forces, **options)
@@ -52,7 +52,11 @@ def disturbed(model: wc.Model, **options) -> wc.Simulation:
     sim.state.particle_qd.assign(rng.normal(size=shape))
     for term in sim.forces.terms:
         if term.name == "bending":
-            term.slip.assign(rng.normal(size=model.bend_count))
+            slips, curved = rng.integers(0, 2, (2, model.bend_count))
+            term.slip.assign(slips * rng.normal(size=model.bend_count))
+            law = model.bending.law.numpy()
+            law[:, 2] = curved * rng.normal(size=model.bend_count)
+            model.bending.law.assign(law)
     sim.contact.support.begin(State.of(model), 0.01)
     sim.forces.evaluate(sim.state)
     return sim
