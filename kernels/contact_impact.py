@@ -83,7 +83,7 @@ def find_impacts(
         if gap < reach:
             contacts_out.depth[k] = real(reach - gap)
             put_contact(contacts_out, k, w, n)
-            add_share(share_out, i, w)
+            add_share(share_out, i, w, stride == 1)
 
 
 @wp.kernel
@@ -143,8 +143,8 @@ def bounce(
         kick = approach * n - wp.min(friction * approach / wp.max(wp.length(slip), wp.float64(1.0e-30)), one) * slip
         for m in range(4):
             c = part * w[m] * wp.float64(particle_inv_mass[i[m]]) / effective
-            add_fixed(move_out, i[m], c * move, MOVE_UNIT)
-            add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
+            add_fixed(move_out, i[m], c * move, MOVE_UNIT, stride == 1)
+            add_fixed(kick_out, i[m], c * kick, KICK_UNIT, stride == 1)
 
 
 @wp.kernel

@@ -112,14 +112,14 @@ def load_between(load: Load, i: wp.vec4i, w: wp.vec4d):
 @wp.func
 def add_lack(
     lack_out: wp.array(dtype=wp.int64), load: Load, start: wp.array(dtype=vec3), i: wp.vec4i, w: wp.vec4d,
-    n: wp.vec3d, distance: wp.float64,
+    n: wp.vec3d, distance: wp.float64, alone: bool,
 ):  # fmt: skip
     """Adds what a pair of cloth lacks of its distance at ``start`` [m] to its particles' sums, if any."""
     if lack_out.shape[0] == 0 or not between_cloths(load, i):
         return
     lack = distance - wp.dot(combine(w, wide(start[i[0]]), wide(start[i[1]]), wide(start[i[2]]), wide(start[i[3]])), n)
     for m in range(4):
-        add_whole(lack_out, i[m], wp.int64(wp.round(MOVE_UNIT * wp.abs(w[m]) * lack)))
+        add_whole(lack_out, i[m], wp.int64(wp.round(MOVE_UNIT * wp.abs(w[m]) * lack)), alone)
 
 
 @wp.func

@@ -100,7 +100,7 @@ def find_contacts(
         if depth > zero:
             earn_pass(further_out, load, i, carried)
             put_contact(contacts_out, k, w, n)
-            add_share(share_out, i, w)
+            add_share(share_out, i, w, stride == 1)
 
 
 @wp.func
@@ -172,11 +172,11 @@ def push_contacts(
         kick = (stop * n - rubbed(carried, n, friction * stop, part)) / (effective * dt)
         out = push + wp.min(dt / RECOVERY, wp.float64(1.0)) * (depth_share - push)
         move = (out * n - rubbed(moved, n, friction * push, part)) / effective
-        add_lack(lack_out, load, particle_start, i, w, n, distance)
+        add_lack(lack_out, load, particle_start, i, w, n, distance, stride == 1)
         for m in range(4):
             c = w[m] * wp.float64(particle_inv_mass[i[m]])
-            add_fixed(move_out, i[m], c * move, MOVE_UNIT)
-            add_fixed(kick_out, i[m], c * kick, KICK_UNIT)
+            add_fixed(move_out, i[m], c * move, MOVE_UNIT, stride == 1)
+            add_fixed(kick_out, i[m], c * kick, KICK_UNIT, stride == 1)
 
 
 @wp.kernel

@@ -14,10 +14,10 @@ SHARE_UNIT = wp.constant(wp.float64(2.0**40))
 
 
 @wp.func
-def add_fixed(sums_out: wp.array2d(dtype=wp.int64), i: int, x: wp.vec3d, unit: wp.float64):
+def add_fixed(sums_out: wp.array2d(dtype=wp.int64), i: int, x: wp.vec3d, unit: wp.float64, alone: bool):
     """Adds x to row i."""
     for m in range(3):
-        add_whole_at(sums_out, i, m, wp.int64(wp.round(unit * x[m])))
+        add_whole_at(sums_out, i, m, wp.int64(wp.round(unit * x[m])), alone)
 
 
 @wp.func
@@ -27,7 +27,7 @@ def from_fixed(sums: wp.array2d(dtype=wp.int64), i: int, unit: wp.float64):
 
 
 @wp.func
-def add_share(share_out: wp.array(dtype=wp.int64), i: wp.vec4i, w: wp.vec4d):
+def add_share(share_out: wp.array(dtype=wp.int64), i: wp.vec4i, w: wp.vec4d, alone: bool):
     """Adds the weights' magnitudes to the sums of the four particles."""
     for m in range(4):
-        add_whole(share_out, i[m], wp.int64(wp.round(SHARE_UNIT * wp.abs(w[m]))))
+        add_whole(share_out, i[m], wp.int64(wp.round(SHARE_UNIT * wp.abs(w[m]))), alone)

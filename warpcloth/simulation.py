@@ -8,7 +8,7 @@ import numpy as np
 from . import diagnostics, stability, validate
 from .air import Air
 from .backup import Backup
-from .contact import CONTACTS, ContactStage
+from .contact import ContactStage
 from .force_terms import airs_of, force_terms, world_gravity
 from .forces import BlockMatrix, Forces, Grabs
 from .forces.grabs import Hold
@@ -101,7 +101,7 @@ class Simulation(OnDevice):
         self.forces = Forces(model, terms, world_gravity(model, gravity))
         passes = model.limits_strain and self.integrator.solves_springs_only
         self._limit_pass = LimitPass(model) if passes else None
-        self.contact = ContactStage(model, validate.choice(contact, CONTACTS, "contact"), self.integrator.contact_share)
+        self.contact = ContactStage(model, contact, self.integrator.contact_share, self._frames.threads)
         if self.contact.support is not None:
             self.forces.terms.append(self.contact.support)
         self.forces.terms += own

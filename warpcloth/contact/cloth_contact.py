@@ -42,6 +42,7 @@ class ClothContact:
         model: the model.
         support: per particle normal and speed of an obstacle that held it up in the step before, or zero; the response
             of particles to obstacles keeps it.
+        threads: of the CPU that step it.
 
     Attributes:
         pairs: those that are near, for the response; at the end of an interval those that may meet, for the guard.
@@ -49,7 +50,7 @@ class ClothContact:
             was free to stop, or particles out of an obstacle; since the beginning.
     """
 
-    def __init__(self, model: Model, support: wp.array):
+    def __init__(self, model: Model, support: wp.array, threads: int = 1):
         self.model, self._support = model, support
         self.kernels = model.kernels
         self.surface = surface = Surface(model)
@@ -64,11 +65,11 @@ class ClothContact:
         self.torn = wp.zeros(model.world_count, dtype=wp.int32, device=device)
         self.impacts, self.remaining, self.rounds = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(3))
         self.counts, self.counts_before = (wp.zeros(4, dtype=wp.int32, device=device) for _ in range(2))
-        self.finder = PairFinder(model, surface)
+        self.finder = PairFinder(model, surface, threads)
         self.width = self.finder.width
         self.met = wp.zeros(n, dtype=wp.int32, device=device)
         clusters = Clusters(model, surface)
-        self.knots = Knots(model, surface, self.pairs, clusters)
+        self.knots = Knots(model, surface, self.pairs, clusters, self.width)
         self.hold = Hold(model, surface, self.finder, self.pairs, clusters, SEPARATION)
 
     def intervals(self, dt: float) -> int:

@@ -7,7 +7,7 @@ from ..model import Model
 from ..state import State
 from ..surface import Surface
 from .clusters import Clusters
-from .pair_list import PairList, loop_width
+from .pair_list import PairList
 
 
 class Knots:
@@ -16,14 +16,16 @@ class Knots:
     Args:
         model: the model.
         surface: all that takes part in contact. pairs: those that are near. clusters: in use within :meth:`join` only.
+        width: threads of a kernel that share the list of pairs.
 
     Attributes:
         crossed: where the passes of the response note that pairs are through each other.
         wary: for how many more intervals knots are joined; int32, shape [world_count].
     """
 
-    def __init__(self, model: Model, surface: Surface, pairs: PairList, clusters: Clusters):
+    def __init__(self, model: Model, surface: Surface, pairs: PairList, clusters: Clusters, width: int):
         self.model, self.surface, self._pairs, self._clusters = model, surface, pairs, clusters
+        self._width = width
         self._kernels, device = model.kernels.contact_knots, model.device
         self.crossed = self._kernels.Crossed()
         self.crossed.world, self.wary = (wp.zeros(model.world_count, dtype=wp.int32, device=device) for _ in range(2))
@@ -60,7 +62,7 @@ class Knots:
     def _find(self, start: wp.array, now: wp.array, state: State) -> None:
         copy(now, state.particle_q, count=self.model.particle_count)
         fill(self._united)
-        surface, width = self.surface, loop_width(self.model.device)
+        surface, width = self.surface, self._width
         near = [surface.inv_mass, surface.world, self._pairs.pairs, width]
         self._launch(
             self._kernels.find_knots, width,

@@ -18,12 +18,16 @@ AHEAD = 0.3  # of an edge's length: how far ahead of a slow triangle they are lo
 class PairFinder:
     """Lists pairs of points and triangles, and of edges, that can come near each other between two sets of positions.
 
+    Args:
+        model, surface: whose. threads: how many of the CPU step it.
+
     Attributes:
         flat: a mask of fans, shape [particle_count].
         everything: a mask of all particles of the surface.
+        width: threads of kernels that share a list; see :func:`~warpcloth.contact.pair_list.loop_width`.
     """
 
-    def __init__(self, model: Model, surface: Surface):
+    def __init__(self, model: Model, surface: Surface, threads: int = 1):
         self.model, self.surface, self.kernels = model, surface, model.kernels
         tris, n, device = surface.tri_count, model.particle_count, model.device
         ways = self.kernels.contact_ways
@@ -33,7 +37,7 @@ class PairFinder:
         self.everything = wp.ones(surface.particle_count, dtype=wp.int32, device=device)
         self.drift = wp.zeros(model.world_count, dtype=wp.vec3d, device=device)
         self.room, self.ahead = ROOM * surface.edge, AHEAD * surface.edge
-        self.width = loop_width(device)
+        self.width = loop_width(device, threads)
         self._allocate(4 * tris)
         self._tree = self._grow_tree()
         self.forget()

@@ -49,9 +49,13 @@ class PairList:
         self.contacts.depth = room(self.model.real)
 
 
-def loop_width(device: wp.Device) -> int:
-    """Threads that share a list, each taking every so manieth entry; lists are mostly much longer than what is in them.
+def loop_width(device: wp.Device, threads: int) -> int:
+    """Threads of a kernel that share a list, each taking every so manieth entry; lists are mostly much longer than what
+    is in them. A kernel with one is ``alone`` (``kernels/counting.py``).
 
-    On the CPU an idle thread of a long kernel costs some 30 ns: more than most pairs do.
+    On the CPU, with so many ``threads`` of its own, an idle one of a long kernel costs some 30 ns: more than most pairs
+    do.
     """
-    return 16 if device.is_cpu else 65_536
+    if not device.is_cpu:
+        return 65_536
+    return 16 if threads > 1 else 1

@@ -5,6 +5,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
+from .. import validate
 from ..model import Model
 from ..state import Memory, State
 from .cloth_contact import ClothContact
@@ -22,18 +23,25 @@ class ContactStage:
         model: the model.
         contact: one of :data:`CONTACTS`.
         share: γ of a scheme that takes obstacles as forces within its step; 0: none are.
+        threads: of the CPU that step it.
+
+    Raises:
+        InputError: ``contact`` is none of these.
 
     Attributes:
         support: obstacles as a force term, None where they act at the ends of steps only.
     """
 
-    def __init__(self, model: Model, contact: str, share: float = 0.0):
+    def __init__(self, model: Model, contact: str, share: float = 0.0, threads: int = 1):
         self.model = model
+        validate.choice(contact, CONTACTS, "contact")
         within = share > 0.0 and contact != "none" and model.shapes.count > 0
         self.support = ObstacleSupport(model, share) if within else None
         among = contact == "all" and model.tri_count > 0
         self.obstacles = ObstacleResponse(model, self.support, among) if contact != "none" else None
-        self.cloths = ClothContact(model, self.obstacles.holds) if among and self.obstacles is not None else None
+        self.cloths: ClothContact | None = None
+        if among and self.obstacles is not None:
+            self.cloths = ClothContact(model, self.obstacles.holds, threads)
 
     @property
     def acts(self) -> bool:
