@@ -33,6 +33,18 @@ def test_pressed_layers_take_few_iterations():
     assert sim.integrator.metrics()["newton_iterations_total"] - before < 3 * 5 * 8
 
 
+@pytest.mark.parametrize(("before", "led"), [(0.5, True), (0.05, True), (-0.05, False), (-0.5, False), (1.05, False)])
+def test_only_changes_that_are_alike_are_led_on_with(before, led):
+    """The latest is 0.5 m/s; the one before it differs by less than that, or is nothing to go by."""
+    model = wc.Model.build([wc.Cloth.grid((0.5, 0.5), (5, 5))])
+    sim = wc.Simulation(model, "implicit_euler", substeps=1, contact="none")
+    sim.step(0.01)  # tolerances and the number of free particles
+    changes = [wp.full(model.particle_count, wp.vec3(0.0, y, 0.0), dtype=wp.vec3) for y in (0.5, before)]
+    stage = State.of(model)
+    sim.integrator.newton._lead(model.array([1], wp.int32), changes, stage)
+    np.testing.assert_allclose(stage.particle_qd.numpy()[:, 1], 0.5 if led else 0.0, rtol=1e-7)
+
+
 def test_worlds_that_take_no_part_keep_their_guess():
     worlds = [([wc.Cloth.grid((0.5, 0.5), (5, 5))], [])] * 2
     model = wc.Model.build_worlds(worlds)
