@@ -223,8 +223,8 @@ def ring(**options) -> wc.Model:
     ("build", "name", "options", "kernel"),
     [
         (lambda: None, "xpbd", {"iterations": 500}, TileSweep),
-        (lambda: None, "xpbd", {"iterations": 500, "spans": False}, TileSweep),
-        (ring, "xpbd", {"iterations": 300, "spans": False}, SpringBlocks),
+        (lambda: None, "xpbd", {"iterations": 500, "rows": False}, TileSweep),
+        (ring, "xpbd", {"iterations": 300, "rows": False}, SpringBlocks),
         (lambda: ring(differentiable=True), "xpbd", {"iterations": 300}, SpringColours),
         (ring, "vbd", {"iterations": 300}, None),
         (ring, "projective_dynamics", {"iterations": 800}, None),

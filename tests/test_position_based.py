@@ -225,7 +225,7 @@ def test_what_springs_did_is_kept_unless_the_next_step_would_expect_more_of_it_t
 
 @pytest.mark.filterwarnings("ignore::warpcloth.errors.FabricWarning")
 @pytest.mark.parametrize("kind", ["grid", "mesh", "woven"])
-@pytest.mark.parametrize("options", [{}, {"spans": False}, {"warm_start": 0.5}], ids=str)
+@pytest.mark.parametrize("options", [{}, {"rows": False}, {"warm_start": 0.5}], ids=str)
 def test_forces_of_the_step_before_are_kept_only_if_they_count(kind, options):
     """What no step begins with needs no copy for frames that are done again; whatever is there is not looked at."""
     cloth = wc.Cloth.grid((1.0, 1.0), (12, 12), pins=[0])
@@ -268,8 +268,8 @@ def test_five_sweeps_of_block_descent_take_the_steps_of_two_of_xpbd():
     def substeps(name: str, **options) -> int:
         return wc.Simulation(model, name, integrator_options=options).substeps_for(1.0 / 24.0)
 
-    assert substeps("vbd", iterations=5) == substeps("xpbd", iterations=2, spans=False)
-    assert substeps("vbd", iterations=20) == substeps("xpbd", iterations=8, spans=False)
+    assert substeps("vbd", iterations=5) == substeps("xpbd", iterations=2, rows=False)
+    assert substeps("vbd", iterations=20) == substeps("xpbd", iterations=8, rows=False)
 
 
 def test_many_sweeps_do_not_make_steps_so_long_that_cloth_goes_on_swinging():

@@ -1,4 +1,4 @@
-"""Spans of springs: what rows there are, that they carry load and slack, and that sweeps end where they would."""
+"""Spans of springs: that they cover rows, carry load, leave slack alone and follow their formula."""
 
 from itertools import pairwise
 
@@ -10,41 +10,8 @@ from hypothesis import strategies as st
 from warpcloth.kernels import KernelSet
 
 import warpcloth as wc
-from warpcloth.integrators.spans import SHORTEST_ROW, UNIT, Spans, in_groups, span_levels, spring_rows, unit_starts
-
-
-def grid_ends(rows: int, columns: int) -> np.ndarray:
-    number = np.arange(rows * columns).reshape(rows, columns)
-    along = np.stack([number[:, :-1].ravel(), number[:, 1:].ravel()], axis=1)
-    across = np.stack([number[:-1].ravel(), number[1:].ravel()], axis=1)
-    return np.concatenate([along, across])
-
-
-def test_rows_of_a_grid_are_its_threads():
-    ends = grid_ends(7, 9)
-    rows = spring_rows(ends)
-    assert sorted(np.diff(rows.first)) == [6] * 9 + [8] * 7
-    assert np.array_equal(np.sort(rows.spring), np.arange(len(ends)))
-
-
-def test_of_springs_that_join_the_same_particles_one_is_in_the_row():
-    ends = np.array([(0, 1), (0, 1), (1, 2), (2, 3), (2, 3), (3, 4), (4, 5)])
-    rows = spring_rows(ends)
-    assert rows.first.tolist() == [0, 5]
-    assert rows.spring.tolist() == [0, 2, 3, 5, 6]
-
-
-@given(st.lists(st.tuples(st.integers(0, 30), st.integers(1, 4)), min_size=1, max_size=80))
-def test_rows_go_on_and_share_no_spring(springs):
-    """Also where several springs join the same particles."""
-    ends = np.array([(p, p + step) for p, step in springs])
-    rows = spring_rows(ends)
-    assert len(np.unique(rows.spring)) == len(rows.spring)
-    for first, last in pairwise(rows.first):
-        row = ends[rows.spring[first:last]]
-        assert len(row) >= SHORTEST_ROW
-        assert np.array_equal(row[:-1, 1], row[1:, 0])
-        assert len(np.unique(row[:, 1] - row[:, 0])) == 1
+from warpcloth.integrators.rows import SHORTEST_ROW
+from warpcloth.integrators.spans import UNIT, Spans, in_groups, span_levels, unit_starts
 
 
 @given(st.lists(st.integers(SHORTEST_ROW, 300), min_size=1, max_size=8))
@@ -75,10 +42,11 @@ def chain(count: int, stretch: float, **options) -> dict:
     return net | {"precision": "float64"} | options
 
 
-def stepped(net: dict, h: float, steps: int = 1, **options) -> np.ndarray:
+def stepped(net: dict, h: float, **options) -> np.ndarray:
+    """Positions after a step whose rows are not solved as one at the end."""
     sim = wc.Simulation(wc.Model.from_springs(**net), "xpbd", (0, 0, 0), substeps=1, integrator_options=options)
-    for _ in range(steps):
-        sim.step(h)
+    sim.integrator._row_parts = []
+    sim.step(h)
     return sim.state.particle_q.numpy()
 
 
@@ -90,34 +58,13 @@ def test_a_span_is_the_spring_that_its_springs_make():
     one = {"positions": row["positions"][[0, 8]], "springs": [[0, 1]], "rest_lengths": 0.8, "masses": 0.3}
     one |= {"k_s": 50.0, "k_d": 0.02, "precision": "float64"}
     assert stepped(row, 0.01, iterations=1)[[0, 8]] == pytest.approx(stepped(one, 0.01, iterations=1), abs=1e-8)
-    assert stepped(row, 0.01, iterations=1, spans=False)[8, 0] - row["positions"][8, 0] > -1e-4
-
-
-@pytest.mark.parametrize("warm_start", [0.0, 0.5])
-def test_sweeps_end_where_they_would_without_spans(warm_start):
-    net = chain(20, 0.1, pinned=[0])
-    net["positions"][:, 2] = 0.05 * np.sin(np.arange(21))
-    options = {"iterations": 3000, "warm_start": warm_start}
-    assert stepped(net, 0.02, 3, **options) == pytest.approx(stepped(net, 0.02, 3, spans=False, **options), abs=1e-9)
+    assert stepped(row, 0.01, iterations=1, rows=False)[8, 0] - row["positions"][8, 0] > -1e-4
 
 
 def test_slack_rows_are_left_alone():
     net = chain(16, -0.1)
-    assert np.array_equal(stepped(net, 0.01), stepped(net, 0.01, spans=False))
-    assert not np.array_equal(stepped(chain(16, 0.1), 0.01), stepped(chain(16, 0.1), 0.01, spans=False))
-
-
-def test_spans_take_over_new_properties_of_springs():
-    """As :meth:`Xpbd.prepare` promises: what comes of them is what a new model does, to the last bit."""
-    model = wc.Model.from_springs(**chain(20, 0.1))
-    sim = wc.Simulation(model, "xpbd", (0, 0, 0), substeps=1)
-    for name, times in (("spring_rest_length", 0.9), ("spring_stiffness", 3.0), ("spring_damping", 2.0)):
-        array = getattr(model, name)
-        array.assign(times * array.numpy())
-    sim.integrator.prepare()
-    sim.step(0.01)
-    new = chain(20, 0.1) | {"rest_lengths": 0.9 * 0.1, "k_s": 3.0 * 50.0, "k_d": 2.0 * 0.02}
-    assert np.array_equal(sim.state.particle_q.numpy(), stepped(new, 0.01))
+    assert np.array_equal(stepped(net, 0.01), stepped(net, 0.01, rows=False))
+    assert not np.array_equal(stepped(chain(16, 0.1), 0.01), stepped(chain(16, 0.1), 0.01, rows=False))
 
 
 def test_spans_keep_momentum():
@@ -128,39 +75,6 @@ def test_spans_keep_momentum():
     momentum = (0.01 * sim.state.particle_qd.numpy()).sum(axis=0)
     assert np.abs(sim.state.particle_qd.numpy()).max() > 1.0
     assert np.abs(momentum).max() < 1e-12
-
-
-def worst_strain(sim: wc.Simulation, cloth: wc.Cloth, frames: int = 40) -> float:
-    edges, rest = (values[cloth.springs.kinds == 0] for values in (cloth.springs.indices, cloth.springs.rest_lengths))
-    worst = 0.0
-    for _ in range(frames):
-        sim.step(1.0 / 60.0)
-        q = sim.state.particle_q.numpy()
-        worst = max(worst, float(np.abs(np.linalg.norm(q[edges[:, 1]] - q[edges[:, 0]], axis=1) / rest - 1.0).mean()))
-    return worst
-
-
-@pytest.mark.parametrize("damping_time", [0.0, 5e-4])
-def test_fine_cloth_hangs_with_few_substeps(damping_time):
-    """Also undamped, where one sweep a step that begins with half of the former forces ends in strains of 20 %."""
-    cloth = wc.Cloth.grid((1.0, 1.0), (65, 65), wc.Fabric(damping_time=damping_time), pins="left")
-    model = wc.Model.build(cloth)
-    sim = wc.Simulation(model, "xpbd", contact="none")
-    assert worst_strain(sim, cloth) < 0.018
-    assert sim.substeps <= 8
-    plain = wc.Simulation(model, "xpbd", contact="none", integrator_options={"spans": False})
-    assert plain.substeps_for(1.0 / 60.0) > 2 * sim.substeps
-    fewer = wc.Simulation(model, "xpbd", contact="none", substeps=sim.substeps, integrator_options={"spans": False})
-    assert worst_strain(fewer, cloth) > 0.05
-
-
-def test_substeps_hardly_grow_with_the_mesh():
-    def substeps(n: int, name: str = "xpbd", **options) -> int:
-        model = wc.Model.build(wc.Cloth.grid((1.0, 1.0), (n, n), pins="left"))
-        return wc.Simulation(model, name, contact="none", integrator_options=options).substeps_for(1.0 / 60.0)
-
-    assert substeps(128) <= 1.5 * substeps(32)
-    assert substeps(128, spans=False) >= 5 * substeps(32, spans=False)
 
 
 def test_spans_follow_their_formula():
@@ -286,4 +200,4 @@ def test_the_last_of_several_sweeps_goes_back(iterations, order):
         going = moved[s + 1] - moved[s]
         force[s] = (stiffness * (x[s + 1] - x[s] + going - 0.1) + damping * going) / (1.0 + (stiffness + damping) * w)
         moved[ends] += force[s] / 0.01 * np.array([1.0, -1.0])
-    assert stepped(net, h, iterations=iterations, spans=False)[:, 0] == pytest.approx(x + moved, abs=1e-12)
+    assert stepped(net, h, iterations=iterations, rows=False)[:, 0] == pytest.approx(x + moved, abs=1e-12)

@@ -38,7 +38,7 @@ DRAPE = Problem(
     0.75,
     "all",
     {"mean_strain": 0.01, "worst_strain": 0.025, "intersections": 0, "penetration_m": 1e-4},
-    {64: 14, 128: 28},
+    {64: 8, 128: 14},
 )
 PROBLEMS = {problem.name: problem for problem in (HANG, DRAPE)}
 

@@ -3,57 +3,18 @@
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import warp as wp
 
-from ..cloth.springs import STRUCTURAL
 from ..launching import fill, launch
-from ..model import ClothRange, Model
+from ..model import Model
 from .colouring import grouped, spring_colours
 from .part import Part, Turn
-from .position_step import cloth_numbers
+from .rows import Rows
 from .spring_sweeps import ListSweep, TileSweep
 
-UNIT = 8  # springs, of the shortest spans
-SHORTEST_ROW = 4  # springs; fewer than that a sweep does as well
-
-
-class Rows(NamedTuple):
-    """Springs one after the other, row after row.
-
-    Attributes:
-        spring: their numbers, int, shape [m]. first: where in it each row begins, and where the last ends, int.
-    """
-
-    spring: np.ndarray
-    first: np.ndarray
-
-
-def spring_rows(ends: np.ndarray) -> Rows:
-    """Rows of springs, each of which begins where the one before ends and leads as much further.
-
-    The threads of a grid are such rows. By the triangle inequality no row can be shorter than the distance of its ends,
-    so it does not matter that springs of irregular meshes, numbered by chance, may form some that bend.
-
-    Args:
-        ends: particles of each spring, the lower one first, int, shape [s, 2], s > 0.
-    """
-    step = ends[:, 1] - ends[:, 0]
-    begins, wanted = (ends[:, k] * (1 + int(step.max())) + step for k in (0, 1))
-    order = np.argsort(begins, kind="stable")
-    found = order[np.minimum(np.searchsorted(begins[order], wanted), len(ends) - 1)]
-    lead_on = np.flatnonzero(begins[found] == wanted)
-    _, once = np.unique(found[lead_on], return_index=True)  # the first of several springs that lead to the same one
-    after = np.full(len(ends), -1)
-    after[lead_on[once]] = found[lead_on[once]]
-    columns = [np.setdiff1d(np.arange(len(ends)), after)]
-    while (columns[-1] >= 0).any():
-        columns.append(np.where(columns[-1] >= 0, after[columns[-1]], -1))
-    table = np.stack(columns, axis=1)
-    table = table[(table >= 0).sum(axis=1) >= SHORTEST_ROW]
-    return Rows(table[table >= 0], np.concatenate([[0], np.cumsum((table >= 0).sum(axis=1))]))
+UNIT = 12  # springs, of the shortest spans
 
 
 def unit_starts(first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -101,15 +62,13 @@ class Spans:
 
     Args:
         model: the model. sweep: over some of its springs. rows: of structural springs among them, at least one.
-        slot: of every spring of the model, where in the forces of the sweep its own begins.
 
     Attributes:
-        parts: what to do before the sweep, whose forces are all there afterwards. springs: numbers of the springs in
-            rows, int.
+        parts: what to do before the sweep, whose forces are all there afterwards.
     """
 
-    def __init__(self, model: Model, sweep: TileSweep | ListSweep, rows: Rows, slot: np.ndarray):
-        self._model, self._sweep, self.springs = model, sweep, rows.spring
+    def __init__(self, model: Model, sweep: TileSweep | ListSweep, rows: Rows):
+        self._model, self._sweep, slot = model, sweep, rows.slot
         start, row = unit_starts(rows.first)
         self._unit_start = model.array(start, wp.int32)
         self._row_spring, self._row_slot = (
@@ -210,30 +169,3 @@ class Spans:
             outputs=[self._sweep.flat_force],
             device=model.device,
         )
-
-
-def spans_of(model: Model, sweep: TileSweep | ListSweep) -> Spans | None:
-    """The spans of a sweep; None if its springs form no rows."""
-    spring, slot = sweep.slots()
-    ends, kind = model.spring_indices.numpy().reshape(-1, 2), model.spring_kind.numpy()
-    chosen = np.sort(spring[(kind[spring] == STRUCTURAL) & (ends[spring, 0] < ends[spring, 1])])
-    if len(chosen) == 0:
-        return None
-    rows = spring_rows(ends[chosen])
-    if len(rows.spring) == 0:
-        return None
-    of_spring = np.zeros(len(ends), np.int64)
-    of_spring[spring] = slot
-    return Spans(model, sweep, Rows(chosen[rows.spring], rows.first), of_spring)
-
-
-def cloths_in_rows(model: Model, spans: Sequence[Spans]) -> set[ClothRange]:
-    """The cloths of which at least half of the structural springs are in rows."""
-    count = len(model.cloths)
-    first = model.spring_indices.numpy().reshape(-1, 2)[:, 0]
-    number = cloth_numbers(model, first)
-    structural = np.bincount(number[model.spring_kind.numpy() == STRUCTURAL], minlength=count)
-    in_rows = sum((np.bincount(number[own.springs], minlength=count) for own in spans), np.zeros(count, int))
-    return {
-        cloth for cloth, most in zip(model.cloths, (in_rows > 0) & (2 * in_rows >= structural), strict=True) if most
-    }

@@ -17,8 +17,9 @@ from ..state import Memory, State
 from ..watch import Watch
 from .colouring import TriangleColours
 from .part import Part, Turn
-from .position_step import MOST_SWEEPS, PositionStep
-from .spans import Spans, cloths_in_rows, spans_of
+from .position_step import PositionStep
+from .rows import cloths_in_rows, row_solver, rows_in
+from .spans import Spans
 from .spring_sweeps import spring_sweeps
 
 
@@ -31,10 +32,10 @@ class Xpbd(PositionStep):
     sweeps cost little more than one, as a step has more to do than to sweep. What a sweep leaves unsolved depends on
     where it begins, so the last of several goes back.
 
-    A sweep passes load on by a spring or two. Before the first, ``spans`` take it from one end of a row of springs to
-    the other (``kernels/spans.py``), so that grids need hardly more substeps if they are finer. Meshes have no such
-    rows. With spans before each of the two sweeps a square metre pinned at an edge was strained by 1.2 instead of 1.5 %
-    (128 × 128 vertices, 9 substeps), and took a third longer.
+    A sweep passes load on by a spring or two. So where springs are in rows, as the threads of grids are, ``spans`` take
+    it from one end of a row to the other before the first (``kernels/spans.py``), and after the last each row is solved
+    as one (``kernels/rows.py``). Grids then need few substeps, and hardly more if they are finer. Meshes have no such
+    rows.
 
     No force of a spring is expected from the step before, so that every spring solved lowers the energy of the step:
     stable at any step, damped or not. A share of them, ``warm_start``, removes a part of the strain error (a third with
@@ -45,7 +46,7 @@ class Xpbd(PositionStep):
         model: the model.
         iterations: sweeps over all springs per step.
         warm_start: share of the previous spring forces with which a step begins, 0 to 1.
-        spans: whether rows of springs are solved before the first sweep; not in differentiable models.
+        rows: whether springs in rows are solved as rows, too; not in differentiable models.
 
     Raises:
         InputError: a value out of range.
@@ -56,28 +57,33 @@ class Xpbd(PositionStep):
     order = 1
     sweep_value = 0.5
     reference = "Macklin, Müller, Chentanez, XPBD (2016), doi 10.1145/2994258.2994272"
-    cost = "2 sweeps over the springs, and over rows of them"
+    cost = "2 sweeps over the springs, rows of them solved as one before and after"
     use = "the fast choice for cloth: stable at any step, 5-30 substeps a frame of two sweeps each"
 
-    def __init__(self, model: Model, *, iterations: int = 2, warm_start: float = 0.0, spans: bool = True):
+    def __init__(self, model: Model, *, iterations: int = 2, warm_start: float = 0.0, rows: bool = True):
         super().__init__(model, iterations, warm_start)
         self.sweeps = spring_sweeps(model)
-        wanted = validate.flag(spans, "spans") and not model.differentiable
-        found = [spans_of(model, sweep) if wanted else None for sweep in self.sweeps]
-        self.spans = [own for own in found if own is not None]
-        self._in_rows = cloths_in_rows(model, self.spans)
+        wanted = validate.flag(rows, "rows") and not model.differentiable
+        found = [rows_in(model, sweep) if wanted else None for sweep in self.sweeps]
+        of_sweep = [(sweep, own) for sweep, own in zip(self.sweeps, found, strict=True) if own is not None]
+        self.spans = [Spans(model, sweep, own) for sweep, own in of_sweep]
+        self.rows = [row_solver(model, sweep, own, self.warm_start > 0.0) for sweep, own in of_sweep]
+        self._in_rows = cloths_in_rows(model, [own for _, own in of_sweep])
         self.triangles = TriangleColours(model)
         self._watch = Watch(model, *LAW)
         sizes = [YARNS * len(numbers) for numbers in self.triangles.numbers]
         whole: dict[str, Any] = {"dtype": model.vec3, "device": model.device, "requires_grad": model.differentiable}
         self._triangle_force = wp.zeros(sum(sizes), **whole)
-        self._span_parts = [part for own in self.spans for part in own.parts]
-        self._sweep_parts = [*self._spring_parts(found), *self._triangle_parts(model, sizes)]
+        self._span_parts, self._row_parts = (
+            [part for own in kind for part in own.parts] for kind in (self.spans, self.rows)
+        )
+        springs = self._spring_parts([own is not None for own in found])
+        self._sweep_parts = [*springs, *self._triangle_parts(model, sizes)]
 
-    def _spring_parts(self, spans: Sequence[Spans | None]) -> Iterator[Part]:
-        for sweep, own in zip(self.sweeps, spans, strict=True):
+    def _spring_parts(self, in_rows: Sequence[bool]) -> Iterator[Part]:
+        for sweep, begun in zip(self.sweeps, in_rows, strict=True):
             for k, force in enumerate(sweep.forces):
-                yield Part(partial(sweep.solve, k), [force], begun=own is not None)
+                yield Part(partial(sweep.solve, k), [force], begun=begun)
 
     def _triangle_parts(self, model: Model, sizes: list[int]) -> Iterator[Part]:
         ends = np.cumsum(sizes).tolist()
@@ -87,20 +93,19 @@ class Xpbd(PositionStep):
 
     def cloth_step(self, cloth: ClothRange, size: float, edge: float, load: float) -> float:
         """As elsewhere (:meth:`~warpcloth.integrators.position_step.PositionStep.advised_step`), but for cloth with
-        most of its threads in rows of springs 0.014 √iterations (a/L)^(1/4) √(L/g): the same square then keeps its
-        worst mean strain below 1.6 % with two sweeps and 6 substeps of 1/60 s at 32 × 32 vertices, 7 at 64 × 64, 8 at
-        128 × 128 and 10 at 256 × 256."""
+        most of its threads in rows of springs 0.16 (a/L)^(3/5) √(L/g): the same square then keeps its worst mean strain
+        below 1 % with 4 substeps of 1/60 s at 64 × 64 vertices, 7 at 128 × 128 and 10 at 256 × 256. Coarser meshes
+        would do with longer steps, but these slow the swing: 0.011 √(L/g) at most."""
         if cloth not in self._in_rows:
             return super().cloth_step(cloth, size, edge, load)
-        sweeps = math.sqrt(min(self.iterations, MOST_SWEEPS))
-        return 0.0142 * sweeps * (edge / size) ** 0.25 * math.sqrt(size / load)
+        return min(0.011, 0.162 * (edge / size) ** 0.6) * math.sqrt(size / load)
 
     def prepare(self) -> None:
         """Takes over stiffness, damping and rest lengths of the model's springs, should they have changed."""
         self._watch.if_changed(self._read_springs)
 
     def _read_springs(self) -> None:
-        for own in (*self.sweeps, *self.spans):
+        for own in (*self.sweeps, *self.spans, *self.rows):
             own.read_springs()
 
     def _forget_springs(self) -> None:
@@ -131,6 +136,8 @@ class Xpbd(PositionStep):
             turn = Turn(start, dt, kept, backwards=0 < iteration == self.iterations - 1)
             for part in (*(self._span_parts if iteration == 0 else ()), *self._sweep_parts):
                 yield part, turn._replace(kept=1.0) if part.begun else turn
+        for part in self._row_parts:
+            yield part, turn
 
     def _solve_triangles(
         self, model: Model, triangles: wp.array, force: wp.array, turn: Turn, displacement: wp.array
