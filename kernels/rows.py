@@ -60,6 +60,7 @@ def solve_rows(
     # State in
     particle_q: wp.array(dtype=vec3),
     dt: real,
+    keeps: int,
     # Out
     memory_out: RowMemory,
     displacement_out: wp.array(dtype=vec3),
@@ -69,7 +70,7 @@ def solve_rows(
     places further on in ``row_particle``, as it has one more.
 
     ``row_law`` holds (r [m], k_s/r [N/m], k_d/r [N s/m]) of each spring; its force [N] begins at ``row_slot``, its
-    components ``stride`` apart.
+    components ``stride`` apart, and is brought up to date if ``keeps`` is 1.
     """
     r = first + thread_offset + wp.tid()
     begin = int_at(row_start, r)
@@ -105,9 +106,10 @@ def solve_rows(
         own = more * vector_at(memory_out.direction, j)
         q = int_at(row_particle, j + r + 1)
         put(displacement_out, q, vector_at(displacement_out, q) + real_at(particle_inv_mass, q) * (change - own))
-        slot = int_at(row_slot, j)
-        for axis in range(3):
-            spring_force_out[slot + axis * stride] += own[axis] / (dt * dt)
+        if keeps == 1:
+            slot = int_at(row_slot, j)
+            for axis in range(3):
+                spring_force_out[slot + axis * stride] += own[axis] / (dt * dt)
         change = own
     p = int_at(row_particle, begin + r)
     put(displacement_out, p, vector_at(displacement_out, p) + real_at(particle_inv_mass, p) * change)

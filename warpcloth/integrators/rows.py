@@ -115,7 +115,7 @@ class ListRows:
     """
 
     def __init__(self, model: Model, sweep: TileSweep | ListSweep, rows: Rows, keeps: bool):
-        self._model, self._sweep = model, sweep
+        self._model, self._sweep, self._keeps = model, sweep, int(keeps)
         ends = model.spring_indices.numpy().reshape(-1, 2)
         launches = in_launches(rows, ends, model.particle_count)
         every = [row for own in launches for row in own]
@@ -150,7 +150,7 @@ class ListRows:
         launch(
             model.kernels.rows.solve_rows,
             dim=count,
-            inputs=[first, *self._tables, model.particle_inv_mass, turn.start.particle_q, turn.dt],
+            inputs=[first, *self._tables, model.particle_inv_mass, turn.start.particle_q, turn.dt, self._keeps],
             outputs=[self._memory, displacement, self._sweep.flat_force],
             device=model.device,
         )
