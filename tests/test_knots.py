@@ -103,14 +103,13 @@ def test_what_an_earlier_pass_left_crossing_is_no_knot_if_a_further_one_parts_it
 
 
 def test_a_heap_of_silk_comes_undone():
-    """Silk slides off a ball. Without knots particles were held back 1,088 times, not 623, and an edge stretched by
-    46 %, not 16."""
+    """Silk slides off a ball. Without knots particles are held back 94 times, the same again and again, not 4."""
     silk = wc.library_fabric("silk")
-    cloth = wc.Cloth.grid((0.4, 0.4), (20, 20), silk, transform=(-0.1, -0.08, 0.33))
+    cloth = wc.Cloth.grid((0.4, 0.4), (24, 24), silk, transform=(-0.09, -0.08, 0.33))
     things = [wc.Sphere((0.0, 0.0, 0.12), 0.12, friction=0.13), wc.Plane(friction=0.5)]
     heap = wc.Simulation(wc.Model.build([cloth], things), "xpbd", contact="all")
     heap.run(30, fps=24)
     metrics = heap.metrics()
     assert metrics["intersections"] == 0
-    assert metrics["contact_held"] < 900  # none where the heap does not lock: what it does hangs on the last bit
+    assert 0 < metrics["contact_held"] < 50
     assert metrics["max_strain"] < 0.3

@@ -189,7 +189,8 @@ def test_substeps_hardly_grow_with_the_mesh():
         model = wc.Model.build(wc.Cloth.grid((1.0, 1.0), (n, n), pins="left"))
         return wc.Simulation(model, name, contact="none", integrator_options=options).substeps_for(1.0 / 60.0)
 
-    assert substeps(128) <= 2 * substeps(32)
+    assert substeps(32) <= 4
+    assert substeps(128) <= 7
     assert substeps(128, rows=False) >= 5 * substeps(32, rows=False)
 
 

@@ -7,6 +7,7 @@ import pytest
 import warp as wp
 from hypothesis import given
 from hypothesis import strategies as st
+from test_rows import chain
 from warpcloth.kernels import KernelSet
 
 import warpcloth as wc
@@ -33,15 +34,6 @@ def test_each_level_covers_a_row_with_spans_that_end_where_others_begin(lengths)
     )
 
 
-def chain(count: int, stretch: float, **options) -> dict:
-    """A straight row of springs of 0.1 m, longer by ``stretch``, in float64."""
-    x = np.zeros((count + 1, 3))
-    x[:, 0] = 0.1 * (1.0 + stretch) * np.arange(count + 1)
-    springs = np.stack([np.arange(count), np.arange(1, count + 1)], axis=1)
-    net = {"positions": x, "masses": 0.01, "springs": springs, "rest_lengths": 0.1, "k_s": 50.0, "k_d": 0.02}
-    return net | {"precision": "float64"} | options
-
-
 def stepped(net: dict, h: float, **options) -> np.ndarray:
     """Positions after a step whose rows are not solved as one at the end."""
     sim = wc.Simulation(wc.Model.from_springs(**net), "xpbd", (0, 0, 0), substeps=1, integrator_options=options)
@@ -65,16 +57,6 @@ def test_slack_rows_are_left_alone():
     net = chain(16, -0.1)
     assert np.array_equal(stepped(net, 0.01), stepped(net, 0.01, rows=False))
     assert not np.array_equal(stepped(chain(16, 0.1), 0.01), stepped(chain(16, 0.1), 0.01, rows=False))
-
-
-def test_spans_keep_momentum():
-    net = chain(37, 0.3)
-    net["positions"] += np.random.default_rng(1).normal(size=(38, 3)) * 0.02
-    sim = wc.Simulation(wc.Model.from_springs(**net), "xpbd", (0, 0, 0), substeps=1)
-    sim.step(0.01)
-    momentum = (0.01 * sim.state.particle_qd.numpy()).sum(axis=0)
-    assert np.abs(sim.state.particle_qd.numpy()).max() > 1.0
-    assert np.abs(momentum).max() < 1e-12
 
 
 def test_spans_follow_their_formula():
