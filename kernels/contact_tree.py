@@ -20,6 +20,7 @@ WIDTH = 8
 BOX = wp.constant(6 * WIDTH)  # numbers of a node: three rows of lower corners, three of upper ones
 WAY = wp.constant(12 * WIDTH)  # numbers of a leaf: the same at the start of ways, and at their end
 EMPTY = wp.constant(1.0e30)
+FARTHEST = wp.constant(1.0e29)  # [m] that is looked for; what has diverged would find lanes that are empty
 DEEPEST = 9  # levels: 8⁹ triangles
 Stack = wp.types.vector(DEEPEST * (WIDTH - 1) + 1, wp.int32)
 
@@ -142,6 +143,7 @@ _MEET = _for_cpu(f"""
     const int* corner = tree.corner.data + {3 * WIDTH} * (long long)leaf;
     const I u = whole(tree.triangle.data + {WIDTH} * (long long)leaf, 0);
     I apart = (u < t) & ((whole(contents.moved.data + {WIDTH} * (long long)leaf, 0) | all) != 0);
+    apart |= u < 0;
     for (int k = 0; k < 3; ++k)
         apart |= (whole(corner, k) == mine[0]) | (whole(corner, k) == mine[1]) | (whole(corner, k) == mine[2]);
     const float* other = contents.way.data + {12 * WIDTH} * (long long)leaf;
@@ -220,8 +222,8 @@ def search_tree(
         return
     mine = triple_at(tri_indices, t)
     way = known[t]
-    low = lowest(way, stray)
-    high = highest(way, stray)
+    low = wp.max(lowest(way, stray), wp.vec3(-FARTHEST))
+    high = wp.min(highest(way, stray), wp.vec3(FARTHEST))
     leaves = tree.triangle.shape[0] / WIDTH
     for group in range(groups_of(t, cloth_tris)):
         stack = Stack()

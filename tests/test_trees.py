@@ -46,6 +46,24 @@ def test_both_trees_find_the_same_pairs(anew):
     assert anew or all(moved[list(pair)].any() for pair in wide)
 
 
+def test_what_has_diverged_finds_no_empty_lanes():
+    """It overlaps with all that there is; before, with children that there are not, and the process crashed."""
+    model = wc.Model.build([wc.Cloth.grid((0.04, 0.1), (3, 6))], device="cpu")  # 20 triangles in three leaves
+    surface = Surface(model)
+    finder, count = PairFinder(model, surface), surface.tri_count
+    tree, end = WideTree(model, surface), surface.positions()
+    everything = wp.ones(count, dtype=wp.int32, device="cpu")
+    for far in (1e32, np.inf, np.nan):
+        end.assign(surface.rest.numpy() + far * np.where(np.arange(surface.particle_count) % 2, 1.0, -1.0)[:, None])
+        finder._bound(surface.rest, end, finder.everything, 0.001)
+        finder.known.added.zero_()
+        tree.find(everything, everything, finder.known_way, LEEWAY, finder.known)
+        listed = min(int(finder.known.added.numpy()[0]), finder.capacity)
+        pairs = finder.known.pair.numpy()[:listed]
+        assert pairs.min(initial=0) >= 0
+        assert pairs.max(initial=0) < count
+
+
 def test_trees_of_eight():
     levels = [sizes.tolist() for sizes in tree_levels([0, 1, 8, 9, 65], 8)]
     assert levels == [[0, 1, 1, 2, 9], [0, 0, 0, 1, 2], [0, 0, 0, 0, 1]]
