@@ -97,6 +97,14 @@ class ImplicitScheme(Integrator):
         """The changes of the last two steps."""
         return [Memory(change, np.arange(len(change))) for pair in self.changes for change in pair]
 
+    def remember(self) -> None:
+        """Keeps the figures of Newton's method."""
+        self.newton.remember()
+
+    def recall(self) -> None:
+        """Back to what :meth:`remember` kept."""
+        self.newton.recall()
+
     def metrics(self) -> dict[str, Any]:
         """See :meth:`~warpcloth.integrators.newton.Newton.metrics`."""
         return self.newton.metrics()

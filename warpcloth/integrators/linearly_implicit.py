@@ -49,6 +49,8 @@ class LinearlyImplicit(Integrator):
         self._everywhere = wp.ones(model.world_count, dtype=wp.int32, device=model.device)
         self._total = wp.zeros(model.world_count, dtype=wp.int64, device=model.device)
         self._failures = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
+        figures = self.cg.solves.iterations, self._total, self._failures
+        self._figures = [(wp.clone(array), array) for array in figures]
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
@@ -69,6 +71,16 @@ class LinearlyImplicit(Integrator):
             outputs=[self._total, self._failures],
             device=model.device,
         )
+
+    def remember(self) -> None:
+        """Keeps what :meth:`metrics` tells."""
+        for kept, array in self._figures:
+            copy(kept, array)
+
+    def recall(self) -> None:
+        """Back to what :meth:`remember` kept."""
+        for kept, array in self._figures:
+            copy(array, kept)
 
     def metrics(self) -> dict[str, Any]:
         """Of the latest step, the worst world: ``cg_iterations``, ``converged``; totals since the start."""
