@@ -1,5 +1,6 @@
 """Writing a cache when something goes wrong: bad input, interrupts, kills, a full disk; and for very long."""
 
+import errno
 import os
 import stat
 import subprocess
@@ -10,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom
 from usd_shots import FPS, frame_of, one_of_each, partial_of, two_cloths, write_frames, write_shot
 from warpcloth.scenes.usd import CacheWriter, growing
-from warpcloth.scenes.usd.crate import read_tables, save_again
+from warpcloth.scenes.usd.crate import HEADER, read_tables, save_again
 from warpcloth.scenes.usd.mesh_prims import ClothPrim
 from warpcloth.scenes.usd.obstacle_prims import ObstaclePrim
 
@@ -249,6 +250,49 @@ def test_death_in_the_middle_of_a_save_loses_nothing_saved_before(tmp_path, monk
         save_again(Dying(), partial, 300_000)
     assert whole_frames(partial) == 5
     writer.abort()
+
+
+def test_a_save_that_a_full_disk_cuts_short_leaves_what_was_saved(tmp_path, monkeypatch):
+    """OpenUSD points the header at tables that did not get to the disk, and then says that it is full."""
+    cloths, path = two_cloths(), tmp_path / "shot.usdc"
+    monkeypatch.setattr(growing, "SAVE_BYTES", 1)
+    writer = CacheWriter(path, cloths, one_of_each(), FPS)
+    partial = partial_of(path)
+    write_frames(writer, cloths, range(5))
+
+    class Full:
+        def Save(self):
+            with partial.open("r+b") as file:
+                file.write(b"\xff" * HEADER)
+            raise Tf.ErrorException("No space left on device")
+
+    with pytest.raises(Tf.ErrorException):
+        save_again(Full(), partial, 300_000)
+    assert whole_frames(partial) == 5
+    writer.abort()
+
+
+@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="this system cannot be asked for room")
+def test_frames_that_were_saved_before_the_disk_was_full_are_kept(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    cloths, path = two_cloths(), write_shot(tmp_path / "shot.usdc", [], last=1)
+    before = path.read_bytes()
+
+    def until_it_is_full():
+        with CacheWriter(path, cloths, one_of_each(), FPS) as writer:
+            write_frames(writer, cloths, range(5))
+            monkeypatch.setattr(os, "posix_fallocate", refuse)
+            write_frames(writer, cloths, range(5, 9))
+
+    with pytest.raises(UsdError, match="its first 4 frames are kept in") as said:
+        until_it_is_full()
+    partial = partial_of(path)
+    assert str(said.value).endswith(f"{partial}.")
+    monkeypatch.undo()
+    assert whole_frames(partial) == 4
+    assert path.read_bytes() == before
 
 
 def test_a_full_disk_is_one_sentence_and_keeps_the_old_file(tmp_path):

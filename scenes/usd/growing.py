@@ -36,6 +36,7 @@ class GrowingStage:
         self._doing = f"Cannot write {target.final.name}"
         self._unsaved_bytes = 0
         self._saved_frames = 0
+        self._kept = False  # whether the file is to stay although it could not be completed
 
     def note(self, facts: Mapping[str, Any]) -> None:
         """Adds to the provenance, or replaces what it says."""
@@ -52,10 +53,19 @@ class GrowingStage:
             self.save_frames(frames)
 
     def save_frames(self, frames: range) -> None:
-        """Saves everything, with ``frames`` as the range of the stage."""
+        """Saves everything, with ``frames`` as the range of the stage.
+
+        Raises:
+            UsdError: when the disk does not take it; the message has the file in which earlier frames are kept.
+        """
         self.stage.SetStartTimeCode(self.clock.code(frames[0]))
         self.stage.SetEndTimeCode(self.clock.code(frames[-1]))
-        self.save()
+        try:
+            self.save()
+        except UsdError as error:
+            if self._saved_frames == 0:
+                raise
+            raise self._keeping(error, f"its first {self._saved_frames} frames") from error
         self._saved_frames = len(frames)
 
     def save(self) -> None:
@@ -79,14 +89,14 @@ class GrowingStage:
         try:
             self.save_frames(frames)
             del self.stage
-            with as_usd_error(self._doing):
-                self._convert()
-                publish(self.target)
-        except UsdError as error:
-            self.target.discard(keep=self.target.partial)
-            raise UsdError(f"{str(error).rstrip('.')}; its frames are kept in {self.target.partial}.") from error
+            try:
+                with as_usd_error(self._doing):
+                    self._convert()
+                    publish(self.target)
+            except UsdError as error:
+                raise self._keeping(error, "its frames") from error
         except BaseException:
-            self.target.discard()
+            self._discard_file()
             raise
         self.target.discard()
         stale = Sdf.Layer.Find(str(self.target.final))
@@ -95,9 +105,17 @@ class GrowingStage:
         return self.target.final
 
     def discard(self) -> None:
-        """Closes the stage and removes its file."""
+        """Closes the stage and removes its file, unless that has all there is of frames that no disk had room for."""
         del self.stage
-        self.target.discard()
+        self._discard_file()
+
+    def _discard_file(self) -> None:
+        self.target.discard(keep=self.target.partial if self._kept else None)
+
+    def _keeping(self, error: UsdError, what: str) -> UsdError:
+        """Lets the file stay, and says so."""
+        self._kept = True
+        return UsdError(f"{str(error).rstrip('.')}; {what} are kept in {self.target.partial}.")
 
     def _convert(self) -> None:
         source, result = self.target.partial, self.target.converted
