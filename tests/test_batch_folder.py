@@ -104,7 +104,14 @@ def test_a_broken_sweep_is_said(batch, capfd, text, sentence):
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
-    [(None, "cannot be read (no such file or directory)"), ("{", "is not JSON"), ("{}", "has no 'status' in it")],
+    [
+        (None, "cannot be read (no such file or directory)"),
+        ("{", "is not JSON"),
+        ("{}", "has no 'status' in it"),
+        ('{"status": "done", "parameters": {}, "files": {}, "inputs": [1]}', "has no usable 'inputs' in it"),
+        ('{"status": "done", "parameters": {}, "files": {}, "metrics": 1}', "has no usable 'metrics' in it"),
+        ('{"status": "done", "parameters": {}, "files": {"lost.usdc": ""}}', "names lost.usdc, which is not there"),
+    ],
 )
 def test_a_damaged_sample_is_said_before_any_work(batch, capfd, text, sentence):
     file = batch.place(1) / "metrics.json"
@@ -173,3 +180,10 @@ def test_the_rate_is_that_of_the_run(tmp_path):
         status = status_of(folder, running)
         assert status.samples_per_minute == pytest.approx(6.0, rel=0.1)
         assert status.seconds_left == pytest.approx(280.0, rel=0.1)
+
+
+def test_a_sample_that_the_sweep_does_not_have_is_said(batch, capfd):
+    shutil.copytree(batch.place(1), batch.place(2))
+    for arguments in (["status"], ["index"], [str(batch.path.parent / "sweep.toml"), "-o"]):
+        said = refused(capfd, *arguments, str(batch.path))
+        assert f"{batch.place(2)} is of another batch, as this one has 2; take it away." in said

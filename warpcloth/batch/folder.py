@@ -83,7 +83,17 @@ class BatchFolder:
             self._refuse_another(sweep)
         elif there == self.path and any(not item.name.startswith(OWN) for item in self.path.iterdir()):
             raise InputError(f"The folder {self.path} is not empty and not of a batch; give another one with -o.")
+        self.check_samples(sweep.count)
+
+    def check_samples(self, count: int) -> None:
+        """Finds that the samples in the folder are sound, and of a sweep of so many.
+
+        Raises:
+            InputError: one is damaged, or there are more.
+        """
         for index in self.finished():
+            if index >= count:
+                raise InputError(f"{self.place(index)} is of another batch, as this one has {count}; take it away.")
             self.metrics(index)
 
     def claim(self, sweep: Sweep) -> None:
@@ -174,7 +184,14 @@ class BatchFolder:
         """
         place = self.place(index)
         try:
-            return read_tables(place / METRICS, {"status": str, "parameters": dict, "files": dict})
+            facts = read_tables(place / METRICS, {"status": str, "parameters": dict, "files": dict})
+            wrong = [key for key in ("inputs", "metrics") if not isinstance(facts.get(key, {}), dict)]
+            if wrong:
+                raise ValueError(f"has no usable {wrong[0]!r} in it")
+            lost = [name for name in facts["files"] if not (place / name).is_file()]
+            if lost:
+                raise ValueError(f"names {lost[0]}, which is not there")
+            return facts
         except ValueError as error:
             rule = f"remove the folder {place}, and the batch makes the sample again"
             raise InputError(f"Sample {index} is damaged: its {METRICS} {error}; {rule}.") from None

@@ -168,6 +168,7 @@ def status_of(folder: BatchFolder, running: bool | None = None) -> Status:
         InputError: it is not the folder of a batch, or a sample is damaged.
     """
     count = folder.sweep.count
+    folder.check_samples(count)
     finished = folder.finished()
     reasons: Counter[str] = Counter()
     changed: Counter[str] = Counter()
