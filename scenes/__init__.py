@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from .load import bundled_scenes, load_scene, scene_from_toml
 from .schema import Network, Scene
+from .usd.loading import load_openusd
 
 if TYPE_CHECKING:
     from .result import SimulationResult
@@ -41,5 +42,6 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _LAZY:
+        load_openusd()
         return getattr(import_module(_LAZY[name], __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -15,7 +15,7 @@ from warpcloth.simulation import Simulation
 from warpcloth.validate import choice, file_path, function
 
 from .built import BuiltScene, by_cloth, make_model, make_simulation
-from .interrupt import stop_on_interrupt
+from .interrupt import StopRequest, stop_on_interrupt
 from .load import load_scene
 from .result import SimulationResult
 from .schema import Scene
@@ -103,22 +103,33 @@ class _Run:
             self.triangles = Triangles(self.model) if self.model.tri_count > 0 else None
             simulation = make_simulation([self.built_scene], self.model, **self.options)
             self.ready = time.perf_counter()
-            self._write(writer, 0, simulation)
-            self._check(simulation, last=False)
-            for number in range(1, self.scene.frames + 1):
-                self._step(simulation)
-                if number == 1:
-                    writer.note({"substeps": simulation.substeps, "device": str(self.model.device)})
-                self._write(writer, number, simulation)
-                self._check(simulation, last=False)
-                stop.waits = True
-                if on_frame is not None:
-                    on_frame(number, self.scene.frames, simulation)
-                if stop.made:
-                    break
+            try:
+                self._frames(writer, simulation, on_frame, stop)
+            except KeyboardInterrupt:
+                if writer.frames < 2:
+                    writer.abort()  # of the start alone there is nothing to keep
+                raise
         if not self.every:
             self._check(simulation, last=True)
         return self._figures(simulation)
+
+    def _frames(
+        self, writer: "FrameWriter", simulation: Simulation, on_frame: OnFrame | None, stop: StopRequest
+    ) -> None:
+        """Simulate and write frame after frame, until the last one or until it is asked to stop."""
+        self._write(writer, 0, simulation)
+        self._check(simulation, last=False)
+        for number in range(1, self.scene.frames + 1):
+            self._step(simulation)
+            if number == 1:
+                writer.note({"substeps": simulation.substeps, "device": str(self.model.device)})
+            self._write(writer, number, simulation)
+            self._check(simulation, last=False)
+            stop.waits = True
+            if on_frame is not None:
+                on_frame(number, self.scene.frames, simulation)
+            if stop.made:
+                break
 
     def _check(self, simulation: Simulation, *, last: bool) -> None:
         """Intersections and penetration, if every frame is checked or it is the last."""

@@ -5,6 +5,9 @@
 
 from typing import Any
 
+from . import command_start as command_start  # before whatever takes time
+
+# isort: split
 from . import errors
 from .air import Air
 from .cloth import Cloth, Inflation, pin, pin_box, pin_nearest

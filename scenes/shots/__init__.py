@@ -2,3 +2,7 @@
 
 The stage itself is never written to. This package imports ``pxr``; import it only to work with a stage.
 """
+
+from ..usd.loading import load_openusd
+
+load_openusd()

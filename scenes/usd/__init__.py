@@ -6,6 +6,8 @@ OpenUSD is loaded on first use of a name below, not when this package is importe
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .loading import load_openusd
+
 if TYPE_CHECKING:
     from .check import check_cache
     from .obstacle_reader import read_obstacles
@@ -26,4 +28,5 @@ _HOMES = {
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    load_openusd()
     return getattr(import_module(f".{_HOMES[name]}", __name__), name)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from .. import command_start
 from . import batch, bench, check, compile, fabrics, integrators, lab, render, scenes, simulate, view
 from .report import Report, print_report
 from .terminal import quiet_warp, stdout_for_results, warnings_as_lines
@@ -54,6 +55,7 @@ def with_report(command: Callable[..., Report]) -> Callable[..., int]:
     def run(*arguments: Any, json: bool, debug: bool, **options: Any) -> int:
         with stdout_for_results() as stdout, quiet_warp(not debug), warnings_as_lines():
             try:
+                command_start.done()
                 report = command(*arguments, **options)
             except KeyboardInterrupt:  # of which typer itself would say nothing
                 raise typer.Abort from None
