@@ -1,12 +1,15 @@
 """Entry point: run a command, and turn every error into one sentence and an exit code."""
 
 import contextlib
+import os
 import sys
 import traceback
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeGuard
 
 import typer
+import warp as wp
 
 from ..errors import WarpclothError
 from .app import build_app
@@ -48,8 +51,19 @@ def run(arguments: Sequence[str]) -> int:
     except MemoryError:
         return _fail(arguments, "there is not enough memory for this scene; lower its resolution", 3)
     except Exception as error:
+        if _is_of_kernel_cache(error):
+            sentence = f"Kernels cannot be kept in {wp.config.kernel_cache_dir} ({str(error.strerror).lower()})"
+            return _fail(arguments, f"{sentence}; set WARP_CACHE_PATH to a folder that can be written to", BAD_INPUT)
         sentence = f"warpcloth has a defect ({type(error).__name__}: {error})"
         return _fail(arguments, f"{sentence}; please report it with what --debug shows", UNEXPECTED)
+
+
+def _is_of_kernel_cache(error: Exception) -> TypeGuard[OSError]:
+    """Whether it is that Warp cannot make the folder of its kernel cache, or write to it."""
+    if not isinstance(error, OSError) or not error.filename or not wp.config.kernel_cache_dir:
+        return False
+    place, cache = Path(os.fsdecode(error.filename)), Path(wp.config.kernel_cache_dir)
+    return place == cache or cache in place.parents or place in cache.parents
 
 
 def _fail(arguments: Sequence[str], sentence: str, exit_code: int) -> int:
