@@ -335,9 +335,13 @@ def test_a_lathe_turns_its_outline_about_the_axis(outline):
     assert (ring.points[:, 2].min(), ring.points[:, 2].max()) == pytest.approx((3.0, 4.0))
 
 
-def test_a_lathe_takes_an_outline_on_one_side_of_its_axis():
-    with pytest.raises(errors.SceneError, match="one side of the axis"):
-        scene_from_toml(GRID + '[[obstacle]]\nshape = "lathe"\noutline = [[0, 0], [-1, 0], [0, 1]]\n')
+def test_a_lathe_takes_an_outline_around_an_area_on_one_side_of_its_axis():
+    for outline, match in (
+        ("[[0, 0], [-1, 0], [0, 1]]", "one side of the axis"),
+        ("[[0, 0], [1, 0], [0, 0]]", "an area"),
+    ):
+        with pytest.raises(errors.SceneError, match=match):
+            scene_from_toml(GRID + f'[[obstacle]]\nshape = "lathe"\noutline = {outline}\n')
 
 
 def test_the_defaults_of_fabrics_in_the_reference_are_what_cloth_gets():

@@ -1,6 +1,7 @@
 """Checks of a stage as a whole: its metadata, and what the validators of others say."""
 
 from pathlib import Path
+from typing import Any
 
 from pxr import Usd, UsdValidation
 
@@ -65,7 +66,7 @@ def range_errors(stage: Usd.Stage, codes: list[float]) -> list[str]:
 def validator_errors(stage: Usd.Stage) -> list[str]:
     """Messages of OpenUSD's validators, and of NVIDIA's where they are installed."""
     context = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators())
-    return [error.GetMessage() for error in context.Validate(stage)] + _nvidia_errors(stage)
+    return sorted([error.GetMessage() for error in context.Validate(stage)] + _nvidia_errors(stage))
 
 
 def _nvidia_errors(stage: Usd.Stage) -> list[str]:
@@ -75,4 +76,10 @@ def _nvidia_errors(stage: Usd.Stage) -> list[str]:
         return []
     issues = ValidationEngine().validate(stage).issues()  # it reads a path as a URL, in which # and ? end it
     faults = [i for i in issues if i.severity not in (IssueSeverity.NONE, IssueSeverity.INFO)]
-    return [i.message for i in faults if i.rule is None or i.rule.__name__ not in NOT_FAULTS]
+    return [_with_place(i) for i in faults if i.rule is None or i.rule.__name__ not in NOT_FAULTS]
+
+
+def _with_place(issue: Any) -> str:
+    """What is wrong, with the prim at which it is where the message leaves that out: ``Prim </World/Ball>: …``."""
+    text, place = issue.message.strip(), "" if issue.at is None else issue.at.as_str()
+    return text if not place or place in text else f"{place}: {text}"
