@@ -9,17 +9,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpcloth.cloth import Cloth
+from warpcloth.errors import InputError
 from warpcloth.model import Model
 from warpcloth.simulation import Simulation
 from warpcloth.validate import at_home
 
 from .schema import Network, Scene
+from .schema.values import FARTHEST
 from .sources import spare_sources
 from .usd import CacheWriter
 
 if TYPE_CHECKING:
     from .shots.shot import Shot
     from .usd.frames import FrameWriter
+
+
+FARTHEST_CLOTH = 2.0 * FARTHEST  # m; a grid of the largest size at the farthest position lies within
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +47,12 @@ class BuiltScene:
         if scene.stage is not None:
             shot = _shot(scene)
             network = None if shot.network is None else shot.network.network
-            return BuiltScene(scene, shot.cloths, shot.obstacles, network, shot)
-        cloths, obstacles = scene.build()
-        return BuiltScene(scene, cloths, obstacles, scene.build_network())
+            built = BuiltScene(scene, shot.cloths, shot.obstacles, network, shot)
+        else:
+            built = BuiltScene(scene, *scene.build(), scene.build_network())
+        if scene.simulation.precision == "float32":
+            _refuse_far_cloth(built.cloths)
+        return built
 
     def writer(self, output: Path) -> CacheWriter:
         """A cache for this scene, with all there is to see.
@@ -63,6 +71,17 @@ class BuiltScene:
         from .shots.layers import ShotWriter
 
         return ShotWriter(output, self.shot, self.scene.fps, provenance(self.scene), self.scene.frames)
+
+
+def _refuse_far_cloth(cloths: Sequence[Cloth]) -> None:
+    """Refuses cloth so far out that single precision cannot tell its points apart, as stages and mesh files may have."""
+    for cloth in cloths:
+        reach = float(np.abs(cloth.points).max())
+        if reach > FARTHEST_CLOTH:
+            raise InputError(
+                f"Cloth '{cloth.name}' reaches {reach:,.0f} m from the origin, too far for single precision; move or "
+                f"scale it to within {FARTHEST_CLOTH:,.0f} m, or use precision float64."
+            )
 
 
 def _shot(scene: Scene) -> "Shot":

@@ -247,3 +247,27 @@ def test_the_profile_of_a_single_frame_is_that_frames(tmp_path):
     """As the time of a frame is; the first frame is left aside only where there are others."""
     result = simulate("pendulum", tmp_path / "out.usda", frames=1, profile=True)
     assert 0.0 < sum(result.profile_ms.values()) <= result.ms_per_frame
+
+
+def test_an_interruption_before_the_first_frame_leaves_the_old_cache(tmp_path, monkeypatch):
+    path = tmp_path / "napkin.usdc"
+    simulate(scene_from_toml(NAPKIN), path, frames=2)
+    before = path.read_bytes()
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("warpcloth.simulation.Simulation.step", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(scene_from_toml(NAPKIN), path)
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["napkin.usdc"]
+
+
+def test_cloth_too_far_out_for_single_precision_is_refused(tmp_path):
+    (tmp_path / "far.obj").write_text("v 1e6 0 0\nv 1000001 0 0\nv 1e6 1 0\nf 1 2 3\n")
+    text = '[[cloth]]\nshape = "mesh"\npath = "far.obj"\n[simulation]\nprecision = "float32"\n'
+    scene = scene_from_toml(text, folder=tmp_path)
+    with pytest.raises(errors.InputError, match="reaches 1,000,001 m from the origin"):
+        simulate(scene, tmp_path / "far.usdc", frames=1)
+    assert simulate(scene, tmp_path / "far.usdc", frames=1, precision="float64").max_strain < 1e-3
