@@ -74,7 +74,7 @@ class BuiltScene:
 
 
 def _refuse_far_cloth(cloths: Sequence[Cloth]) -> None:
-    """Refuses cloth so far out that single precision cannot tell its points apart, as stages and mesh files may have."""
+    """Refuses cloth that stages or mesh files have so far out that single precision cannot tell its points apart."""
     for cloth in cloths:
         reach = float(np.abs(cloth.points).max())
         if reach > FARTHEST_CLOTH:
