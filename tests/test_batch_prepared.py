@@ -81,6 +81,12 @@ def test_automatic_substeps_are_enough_for_contact():
     assert slow.scene.simulation.substeps < needed <= fast.scene.simulation.substeps
 
 
+@pytest.mark.parametrize("contact", ["none", "all"])
+def test_automatic_substeps_are_enough_for_strong_gravity(contact):
+    earth, strong = (prepared(substeps='"auto"', n=9, contact=contact, gravity=g) for g in (-9.81, -981.0))
+    assert strong.scene.simulation.substeps > 8 * earth.scene.simulation.substeps
+
+
 def test_the_last_motion_is_that_of_pins_and_obstacles():
     pins = "[[cloth.pins]]\nindices = [0]\nmotion.keys = [{ time = 0.0 }, { time = 0.7, position = [0.0, 0.0, 0.1] }]"
     assert prepared().last_motion == 0.0

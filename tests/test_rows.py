@@ -194,6 +194,20 @@ def test_substeps_hardly_grow_with_the_mesh():
     assert substeps(128, rows=False) >= 5 * substeps(32, rows=False)
 
 
+@pytest.mark.parametrize("contact", ["none", "all"])
+def test_stronger_gravity_takes_more_substeps(contact):
+    """All times go with √(L/g), so where stiffness grows with gravity strain is the same; it was 4 and 0.5 %."""
+    strains, counts = [], []
+    for times in (1.0, 16.0):
+        fabric = wc.Fabric(damping_time=5e-4 / times**0.5, stretch_stiffness=4e3 * times, shear_stiffness=4e2 * times)
+        cloth = wc.Cloth.grid((1.0, 1.0), (17, 17), fabric, pins="left")
+        sim = wc.Simulation(wc.Model.build(cloth), "xpbd", (0.0, 0.0, -9.81 * times), contact=contact)
+        counts.append(sim.substeps_for(1.0 / 60.0))
+        strains.append(worst_strain(sim, cloth))
+    assert counts[1] == pytest.approx(4 * counts[0], abs=3)
+    assert strains[1] < 1.5 * strains[0]
+
+
 def crooked(count: int, rng: np.random.Generator) -> dict:
     """A chain of unlike springs and masses that runs to and fro."""
     net = chain(count, 0.15, pinned=[0], velocities=rng.normal(size=(count + 1, 3)))

@@ -113,14 +113,14 @@ class Simulation(OnDevice):
         self._other = self.state.twin()
         self._memory = [item for own in self._memories() for item in own]
         self._backup = Backup(self.state, self._memory, self.integrator, self.contact, self._frames)
-        self._auto, self._auto_step = isinstance(substeps, str), 0.0
+        self._auto = isinstance(substeps, str)
+        self._pace: stability.Pace | None = None
         if self._auto:
             validate.choice(substeps, ("auto",), "substeps")
         self.substeps = 0 if self._auto else validate.integer(substeps, "substeps", minimum=1, maximum=MAX_SUBSTEPS)
         self.graph, self.threads = self._frames.replay, self._frames.threads
         self.check = validate.flag(check, "check")
-        self.time = 0.0
-        self.tape = GrabTape()
+        self.time, self.tape = 0.0, GrabTape()
         self._grabs: Grabs | None = None
         self.lookout = Lookout(model, self.integrator, self.contact)
         self.untangled = untangle(model, self.state) if validate.flag(untangled, "untangled") else None
@@ -179,7 +179,7 @@ class Simulation(OnDevice):
         self._reset.apply(mask, self._memory)
         if worlds is None:
             self.integrator.reset()
-            self.time, self.tape, self._auto_step = 0.0, self.tape.begun_again(), 0.0
+            self.time, self.tape, self._pace = 0.0, self.tape.begun_again(), None
         if self.check and not self.model.device.is_capturing:
             self.lookout.rest_since[mask.numpy()] = np.inf
 
@@ -233,8 +233,7 @@ class Simulation(OnDevice):
         Raises:
             InputError: no such particle, no cloth on the ray, a stiffness not above 0, or 32 grabs already.
         """
-        hold, place = make_hold(self.model, self.state.particle_q.numpy(), what, stiffness)
-        return self.grab_hold(hold, place)
+        return self.grab_hold(*make_hold(self.model, self.state.particle_q.numpy(), what, stiffness))
 
     @launches
     def grab_hold(self, hold: Hold, target: Any) -> Grab:
@@ -250,8 +249,7 @@ class Simulation(OnDevice):
     def energy(self) -> dict[str, float]:
         """Energies of all worlds [J]: kinetic, spring, bending, gravity (zero at the origin), total."""
         energies = {"kinetic": diagnostics.kinetic_energy(self.model, self.state), **self.forces.energy(self.state)}
-        energies["total"] = sum(energies.values())
-        return energies
+        return {**energies, "total": sum(energies.values())}
 
     @launches
     def metrics(self) -> dict[str, Any]:
@@ -283,7 +281,7 @@ class Simulation(OnDevice):
         for mine, theirs in zip(self._memories(), other._memories(), strict=True):
             # What a scheme or a force keeps may be in fewer arrays here: the last ones were of other worlds.
             take_worlds(self.state, mine, other.model, other.state, theirs, keep)
-        self.time, self.substeps, self._auto_step = other.time, other.substeps, other._auto_step
+        self.time, self.substeps, self._pace = other.time, other.substeps, other._pace
         self.lookout.rest_since = other.lookout.rest_since[keep]
 
     def _memories(self) -> tuple[Sequence[Memory], ...]:
@@ -345,6 +343,8 @@ class Simulation(OnDevice):
         launch(advance, self.model.world_count, [dt], [now.world_time], self.model.device)
 
     def _stable_substeps(self, dt: float) -> int:
-        self._auto_step = self._auto_step or stability.automatic_step(self.model, self.integrator, self._airs)
-        stable = stability.count_steps(self.integrator, self._auto_step, dt, MAX_SUBSTEPS)
-        return max(stable, self.contact.fewest_substeps(dt, MAX_SUBSTEPS, self.integrator.steps_per_travel))
+        if self._pace is None:
+            self._pace = stability.pace(self.model, self.integrator, self._airs, self.forces.world_gravity.numpy())
+        stable = stability.count_steps(self.integrator, self._pace.step, dt, MAX_SUBSTEPS)
+        per_travel = self._pace.haste * self.integrator.steps_per_travel
+        return max(stable, self.contact.fewest_substeps(dt, MAX_SUBSTEPS, per_travel))

@@ -17,7 +17,7 @@ on more than the network, are looked at where the simulation begins (``load_rate
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -36,10 +36,19 @@ TOLERANCE = 1e-5
 # without damping a network with random jolts of one cell doubled its energy many times over in 80 frames at 0.95 of the
 # limit, and kept it within 15 % at a quarter of it. With the default damping 0.7 is enough.
 SAFETY = 0.7
+EARTH = 10.0  # [m/s²], more than its gravity
 WARNING_ITERATIONS = 60  # within about 1 % of the step
 YARNS = np.array([[1.0, 0.0], [0.0, 1.0], [np.sqrt(0.5), np.sqrt(0.5)], [np.sqrt(0.5), -np.sqrt(0.5)]])
 
 Strengths = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+class Pace(NamedTuple):
+    """The largest step [s] that is stable and no larger than a scheme advises, and how many times as many steps than on
+    earth gravity asks for, as all times that it makes go with 1/√g; at least 1."""
+
+    step: float
+    haste: float
 
 
 class _Bending:
@@ -249,20 +258,16 @@ def _breathing_step(model: "Model", integrator: "Integrator") -> float:
     return step
 
 
-def substeps_for(
-    model: "Model", integrator: "Integrator", dt: float, most: int, airs: "Sequence[Air]" = ()
-) -> int:  # fmt: skip
-    """Fewest equal steps that divide dt [s] into stable ones, no larger than the integrator advises.
+def pace(model: "Model", integrator: "Integrator", airs: "Sequence[Air]", gravity: Any) -> Pace:
+    """The pace of a simulation.
 
-    Raises:
-        SimulationError: more than ``most`` would be needed.
+    Args:
+        model, integrator, airs: what is simulated, how, and in the air of each world.
+        gravity: of all worlds or of each [m/s²], shape [3] or [world_count, 3].
     """
-    return count_steps(integrator, automatic_step(model, integrator, airs), dt, most)
-
-
-def automatic_step(model: "Model", integrator: "Integrator", airs: "Sequence[Air]" = ()) -> float:
-    """Largest step [s] that is stable and no larger than the integrator advises."""
-    return min(largest_stable_step(model, integrator, airs), integrator.advised_step())
+    strongest = float(np.linalg.norm(np.asarray(gravity, np.float64), axis=-1).max())
+    haste = max(1.0, math.sqrt(strongest / EARTH))
+    return Pace(min(largest_stable_step(model, integrator, airs), integrator.advised_step() / haste), haste)
 
 
 def count_steps(integrator: "Integrator", step: float, dt: float, most: int) -> int:

@@ -131,9 +131,11 @@ def _needed(built: BuiltScene) -> int:
     model = make_model([built])
     integrator = make_integrator(options.integrator, model, options.integrator_options)
     dt = 1.0 / built.scene.fps
-    stable = stability.substeps_for(model, integrator, dt, MAX_SUBSTEPS, [built.scene.air.build(built.scene.seed)])
+    airs = [built.scene.air.build(built.scene.seed)]
+    pace = stability.pace(model, integrator, airs, options.gravity)
+    stable = stability.count_steps(integrator, pace.step, dt, MAX_SUBSTEPS)
     ways = 0 if options.contact == "none" else travels(travel_step(model), dt)
-    return min(MAX_SUBSTEPS, max(stable, math.ceil(integrator.steps_per_travel * ways)))
+    return min(MAX_SUBSTEPS, max(stable, math.ceil(pace.haste * integrator.steps_per_travel * ways)))
 
 
 def _end(motion: Motion) -> float:
