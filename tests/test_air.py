@@ -267,6 +267,43 @@ def test_the_rate_of_the_air_is_the_slope_of_its_force():
     assert load_rates(model, [wc.Air(density=1.2, wind=(0.0, 0.0, 10.0))])[1] == pytest.approx(expected, rel=1e-6)
 
 
+STORM = {"density": 1.2, "wind": (0.0, 0.0, 10.0)}
+
+
+@pytest.mark.parametrize(
+    ("air", "falling", "relative"),
+    [
+        (wc.Air(**STORM, gust=0.5), 0.0, 15.0),
+        (wc.Air(density=1.2, turbulence=2.0), 0.0, 6.0),
+        (wc.Air(**STORM), 4.0, 10.0),
+    ],
+    ids=("gust", "turbulence", "speed"),
+)
+@pytest.mark.parametrize("fabric", [wc.Fabric(air_friction=0.0), wc.Fabric(air_drag=0.0, air_friction=0.7)])
+def test_the_rate_of_the_air_is_that_of_all_that_may_come(air, falling, relative, fabric):
+    """Gusts at their strongest, three times the turbulence, the speed at the start; drag or friction, the greater."""
+    cloth = wc.Cloth.grid((0.4, 0.4), (9, 9), fabric, velocity=(0.0, 0.0, -falling))
+    relative += np.sqrt(falling**2 + 2.0 * STANDARD_GRAVITY * 0.4)
+    expected = 1.2 * relative * max(fabric.air_drag, fabric.air_friction) / fabric.areal_density
+    assert load_rates(wc.Model.build(cloth, precision="float64"), [air])[1] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("storm", [0, 1])
+def test_rates_of_the_air_are_those_of_the_worst_world(storm):
+    cloth = wc.Cloth.grid((0.4, 0.4), (5, 5))
+    both = wc.Model.build_worlds([([cloth], []), ([cloth], [])], precision="float64")
+    for air in (wc.Air(**STORM), wc.Air(density=100.0, wind=(0.0, 0.0, 1.0))):
+        airs = [wc.Air(density=1.0, wind=(0.0, 0.0, 1.0))] * 2
+        airs[storm] = air
+        alone = wc.Model.build(cloth, precision="float64")
+        assert load_rates(both, airs)[1] == pytest.approx(load_rates(alone, [air])[1], rel=1e-12)
+        rates = [
+            present_rates(model, model_airs, model.particle_q.numpy(), np.zeros((model.particle_count, 3)))[1]
+            for model, model_airs in ((both, airs), (alone, [air]))
+        ]
+        assert rates[0] == pytest.approx(rates[1], rel=0.02)  # found from below
+
+
 def test_what_is_warned_of_is_drag_at_the_present_speed():
     """C_n ½ ρ A |u|/m slows a sheet as a whole across itself, and none of its motions faster; found from below."""
     fabric = wc.Fabric(areal_density=0.2)

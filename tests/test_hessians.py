@@ -88,10 +88,11 @@ def test_stiffness_of_damped_springs_is_the_slope_at_the_present_tension():
     assert np.abs(got - expected).max() <= 1e-12 * np.abs(expected).max()
 
 
-def test_diagonal_blocks_are_those_of_the_matrix():
+@pytest.mark.parametrize("project", [0.0, 1.0])
+def test_diagonal_blocks_are_those_of_the_matrix(project):
     model = random_model()
     forces = forces_of(model)
-    at = linearization(model, 0.7, 0.3)
+    at = linearization(model, 0.7, 0.3, project)
     blocks = wp.zeros(model.particle_count, dtype=model.kernels.precision.mat33)
     forces.hessian_diagonal(at, blocks)
     whole = dense_matrix(forces, at).reshape(model.particle_count, 3, model.particle_count, 3)

@@ -5,7 +5,9 @@ import pytest
 
 from warpcloth.cloth import Cloth, pin, pin_box, pin_nearest
 from warpcloth.errors import InputError
+from warpcloth.model import Model
 from warpcloth.motion import Motion
+from warpcloth.simulation import Simulation
 
 
 def test_named_edges_and_corners():
@@ -43,3 +45,18 @@ def test_moving_pins_may_not_overlap_others():
     swing = Motion.keyframes([(0, (0, 0, 0)), (1, (0, 1, 0))])
     with pytest.raises(InputError, match="vertex 12 is in two pins, of which at least one moves"):
         Cloth.grid((1, 1), (4, 4), pins=["left", pin("top", swing)])
+
+
+def test_each_pin_has_its_own_kind_of_motion():
+    """Smooth and linear, looping or not, with as many keys as it likes; whichever comes first."""
+    smooth = Motion.keyframes([(0, (0, 0, 0)), (0.5, (0, 0.1, 0.1))], interpolation="smooth")
+    loop = Motion.keyframes([(0, (0, 0, 0)), (0.1, (0, 0, 0.1)), (0.15, (0, 0, 0))], loop=True)
+    for motions in ((smooth, loop), (loop, smooth)):
+        pins = [pin(side, motion=m) for side, m in zip(("left", "right"), motions, strict=True)]
+        cloth = Cloth.grid((0.4, 0.4), (4, 4), pins=pins)
+        sim = Simulation(Model.build(cloth, precision="float64"))
+        sim.run(13)
+        x = sim.state.particle_q.numpy()
+        for held, motion in zip(cloth.pins, motions, strict=True):
+            where = motion.evaluate(cloth.points[held.indices], 13 / 60)
+            assert np.allclose(x[held.indices], where, atol=1e-12)

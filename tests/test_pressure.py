@@ -11,7 +11,7 @@ from warpcloth.scenes import scene_from_toml
 import warpcloth as wc
 from warpcloth.errors import DivergedError, InputError, StabilityWarning
 from warpcloth.forces import Forces, Linearization, Pressure
-from warpcloth.load_rates import load_rates, present_rates
+from warpcloth.load_rates import breathing_modes, load_rates, present_rates
 from warpcloth.state import State
 
 KINDS = [wc.Inflation(200.0), wc.Inflation(500.0, gas=True, ambient=2000.0)]
@@ -185,6 +185,39 @@ def test_the_rate_of_a_gas_is_that_of_its_breathing():
     stiff, damped = load_rates(model)
     assert stiff == pytest.approx(ambient * ball.area**2 / (ball.volume * mass), rel=0.02)
     assert damped == 0.0
+
+
+@pytest.mark.parametrize("inward", [False, True])
+def test_each_gas_breathes_by_itself(inward):
+    """M^(−1/2) K M^(−1/2) has the rate of each gas for its eigenvalue, K as the force term multiplies by it."""
+    kinds = [wc.Inflation(500.0, gas=True, ambient=2000.0), wc.Inflation(200.0), wc.Inflation(300.0, gas=True)]
+    beside = [wc.Cloth.grid((0.1, 0.1), (3, 3), transform=(1.0, 0.0, 0.0)), *(bag(k, inward=inward) for k in kinds)]
+    model = wc.Model.build_worlds([([cloth], []) for cloth in beside], precision="float64")
+    forces = Forces(model, [Pressure(model)], model.array(np.zeros((4, 3)), model.vec3))
+    at = Linearization(State.of(model), 1.0, 0.0, model.array(np.ones(4), model.real))
+    root, modes = np.sqrt(model.particle_inv_mass.numpy())[:, None], breathing_modes(model)
+    for (rate, mode), world in zip(modes, (1, 3), strict=True):
+        assert set(model.particle_world.numpy()[np.abs(mode).max(axis=1) > 0.0]) == {world}
+        out = wp.zeros_like(model.particle_q)
+        forces.hessian_product(at, model.array(root * mode, model.vec3), out)
+        np.testing.assert_allclose(root * out.numpy(), rate * mode, atol=1e-9 * rate * np.abs(mode).max())
+    present = present_rates(model, (), model.particle_q.numpy(), np.zeros((model.particle_count, 3)))[0]
+    assert present == pytest.approx(max(rate for rate, _ in modes), rel=1e-9)
+
+
+def test_rates_of_given_pressures_do_not_depend_on_their_sign():
+    rates = []
+    for pressure in (50.0, -50.0):
+        model = wc.Model.build(bag(wc.Inflation(pressure)), precision="float64")
+        rates.append(load_rates(model)[0])
+    assert rates[0] == rates[1] > 0.0
+
+
+def test_the_rate_of_a_gas_pressed_flat_is_finite():
+    model = wc.Model.build(bag(KINDS[1]), precision="float64")
+    flat = model.particle_q.numpy() * [1.0, 1.0, 0.0]
+    rate = present_rates(model, (), flat, np.zeros_like(flat))[0]
+    assert 1e3 * load_rates(model)[0] < rate < np.inf
 
 
 def test_the_rate_of_a_gas_falls_as_it_expands():

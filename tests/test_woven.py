@@ -26,6 +26,7 @@ LIMITED = wc.Fabric(
     stretch_stiffness=400.0, stretch_stiffness_weft=300.0, shear_stiffness=60.0, bend_stiffness=0.0,
     damping_time=0.0, strain_limit=0.05, limit_stiffness=900.0,
 )  # fmt: skip
+LIMITED_DAMPED = replace(LIMITED, damping_time=2e-3)
 
 
 def sheet(fabric: wc.Fabric = FABRIC, cells: int = 7, **options) -> wc.Cloth:
@@ -121,6 +122,41 @@ def test_products_equal_finite_differences_of_the_force(assembly, name, a, b, da
     assert np.abs(got - expected).max() <= 2e-6 * np.abs(expected).max()
 
 
+def test_stiffness_of_damped_yarns_is_the_slope_at_the_present_tension():
+    """Exactly so where no yarn turns, as in cloth that grows evenly: what is left out is from their turning."""
+    model, state = crumpled(replace(LIMITED, damping_time=0.3))
+    state.particle_qd.assign(2.0 * state.particle_q.numpy())
+    forces = forces_of(model)
+    x = np.random.default_rng(3).normal(size=(model.particle_count, 3))
+    expected = -force_slope(forces, state, "particle_q", x, 1e-7)
+    got = product(forces, replace(linearization(model, 1.0, 0.0), state=state), x)
+    assert np.abs(got - expected).max() <= 2e-6 * np.abs(expected).max()
+
+
+def test_projection_leaves_nothing_out_where_all_yarns_are_taut():
+    """Beyond their limit, too; its own part of the matrix is semi-definite as it is."""
+    model, state = crumpled(LIMITED)
+    state.particle_q.assign(1.1 * model.particle_q.numpy())
+    assert every_strain(model, state)[0].min() > LIMITED.strain_limit
+    x = np.random.default_rng(4).normal(size=(model.particle_count, 3))
+    whole, projected = (
+        product(forces_of(model), replace(linearization(model, 1.0, 0.0, project), state=state), x)
+        for project in (0.0, 1.0)
+    )
+    assert np.abs(projected - whole).max() <= 1e-13 * np.abs(whole).max()
+
+
+@pytest.mark.parametrize("project", [0.0, 0.5, 1.0])
+def test_diagonal_blocks_are_those_of_the_matrix_however_it_is_projected(project):
+    model, state = crumpled(FABRIC)
+    at = replace(linearization(model, 0.7, 0.3, project), state=state)
+    blocks = wp.zeros(model.particle_count, dtype=model.kernels.precision.mat33)
+    forces_of(model).hessian_diagonal(at, blocks)
+    whole = dense_matrix(forces_of(model), at).reshape(model.particle_count, 3, model.particle_count, 3)
+    expected = np.stack([whole[i, :, i, :] for i in range(model.particle_count)])
+    assert np.abs(blocks.numpy() - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
 def test_diagonal_and_projection():
     model, state = crumpled(FABRIC)
     forces = forces_of(model)
@@ -202,7 +238,10 @@ def pulled(fabric: wc.Fabric, speed: float, integrator: str, **options) -> tuple
     return sim.state.particle_q.numpy(), sim.metrics()["max_strain"]
 
 
-@pytest.mark.parametrize(("fabric", "speed", "least"), [(FABRIC, 1.0, 0.002), (LIMITED, 6.0, LIMITED.strain_limit)])
+@pytest.mark.parametrize(
+    ("fabric", "speed", "least"),
+    [(FABRIC, 1.0, 0.002), (LIMITED, 6.0, LIMITED.strain_limit), (LIMITED_DAMPED, 6.0, LIMITED.strain_limit)],
+)
 def test_sweeps_of_xpbd_end_at_the_implicit_step(fabric, speed, least):
     implicit, strain = pulled(fabric, speed, "implicit_euler", tolerance=1e-12)
     swept, _ = pulled(fabric, speed, "xpbd", iterations=3000, warm_start=0.6)
