@@ -83,10 +83,11 @@ class BatchFolder:
             self._refuse_another(sweep)
         elif there == self.path and any(not item.name.startswith(OWN) for item in self.path.iterdir()):
             raise InputError(f"The folder {self.path} is not empty and not of a batch; give another one with -o.")
-        self.check_samples(sweep.count)
+        for _ in self.all_metrics(sweep.count):
+            pass
 
-    def check_samples(self, count: int) -> None:
-        """Finds that the samples in the folder are sound, and of a sweep of so many.
+    def all_metrics(self, count: int) -> Iterator[dict[str, Any]]:
+        """The :meth:`metrics` of all finished samples of a sweep of so many.
 
         Raises:
             InputError: one is damaged, or there are more.
@@ -94,7 +95,7 @@ class BatchFolder:
         for index in self.finished():
             if index >= count:
                 raise InputError(f"{self.place(index)} is of another batch, as this one has {count}; take it away.")
-            self.metrics(index)
+            yield self.metrics(index)
 
     def claim(self, sweep: Sweep) -> None:
         """Makes the folder, or finds that it belongs to this very sweep; see :meth:`check`."""

@@ -168,11 +168,10 @@ def status_of(folder: BatchFolder, running: bool | None = None) -> Status:
         InputError: it is not the folder of a batch, or a sample is damaged.
     """
     count = folder.sweep.count
-    folder.check_samples(count)
     finished = folder.finished()
     reasons: Counter[str] = Counter()
     changed: Counter[str] = Counter()
-    for facts in map(folder.metrics, finished):
+    for facts in folder.all_metrics(count):
         reasons.update([str(facts.get("reason"))] if facts["status"] == "failed" else [])
         changed.update(_changed(facts))
     running = folder.busy if running is None else running

@@ -82,7 +82,7 @@ class Integrator(Protocol):
         return ()
 
     def remember(self) -> None:
-        """Before a frame: keeps what the next step depends on, or metrics tell, and is in no array."""
+        """Before a frame: keeps what the next step depends on, or metrics tell, and :meth:`memory` has not."""
         return None
 
     def recall(self) -> None:

@@ -99,11 +99,11 @@ class ImplicitScheme(Integrator):
 
     def remember(self) -> None:
         """Keeps the figures of Newton's method."""
-        self.newton.remember()
+        self.newton.figures.remember()
 
     def recall(self) -> None:
         """Back to what :meth:`remember` kept."""
-        self.newton.recall()
+        self.newton.figures.recall()
 
     def metrics(self) -> dict[str, Any]:
         """See :meth:`~warpcloth.integrators.newton.Newton.metrics`."""

@@ -14,6 +14,7 @@ from ..model import Model
 from ..state import State
 from .base import Integrator
 from .conjugate_gradient import ConjugateGradient
+from .figures import Figures
 
 
 class LinearlyImplicit(Integrator):
@@ -49,8 +50,7 @@ class LinearlyImplicit(Integrator):
         self._everywhere = wp.ones(model.world_count, dtype=wp.int32, device=model.device)
         self._total = wp.zeros(model.world_count, dtype=wp.int64, device=model.device)
         self._failures = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
-        figures = self.cg.solves.iterations, self._total, self._failures
-        self._figures = [(wp.clone(array), array) for array in figures]
+        self._figures = Figures(self.cg.solves.iterations, self._total, self._failures)
 
     def step(self, model: Model, state_in: State, state_out: State, forces: Forces, dt: float) -> None:
         """One step; see :class:`~warpcloth.integrators.base.Integrator`."""
@@ -74,13 +74,11 @@ class LinearlyImplicit(Integrator):
 
     def remember(self) -> None:
         """Keeps what :meth:`metrics` tells."""
-        for kept, array in self._figures:
-            copy(kept, array)
+        self._figures.remember()
 
     def recall(self) -> None:
         """Back to what :meth:`remember` kept."""
-        for kept, array in self._figures:
-            copy(array, kept)
+        self._figures.recall()
 
     def metrics(self) -> dict[str, Any]:
         """Of the latest step, the worst world: ``cg_iterations``, ``converged``; totals since the start."""

@@ -13,10 +13,11 @@ import warp as wp
 from .. import validate
 from ..forces import Forces, Linearization
 from ..kinematics import drive_pins
-from ..launching import copy, fill, launch, repeat_while
+from ..launching import fill, launch, repeat_while
 from ..model import Model
 from ..state import State
 from .conjugate_gradient import ConjugateGradient
+from .figures import Figures
 
 OVERSHOOT = 0.5  # slope after a step, relative to the slope before it, above which the step is shortened
 SHORTEST_STEP = 1e-3
@@ -76,8 +77,7 @@ class Newton:
         self.kernels = model.kernels.implicit_step
         self.worlds = _make_worlds(model, self.kernels)
         told = ("iterations", "cg_iterations", "update", "converged", "newton_total", "cg_total", "failures")
-        figures = (getattr(self.worlds, name) for name in told)
-        self._figures = [(wp.clone(array), array) for array in figures]
+        self.figures = Figures(*(getattr(self.worlds, name) for name in told))
         self._everywhere = wp.ones(model.world_count, dtype=wp.int32, device=model.device)
         self._leads = wp.zeros(model.world_count, dtype=wp.int32, device=model.device)
         self.position_base, self.velocity_base, self._start, self._residual = (
@@ -118,16 +118,6 @@ class Newton:
         if changes is not None:
             inputs = [model.particle_inv_mass, model.particle_world, taking_part, stage.particle_qd]
             self._launch_guess("learn", model.particle_count, inputs, [changes[0]])
-
-    def remember(self) -> None:
-        """Keeps what :meth:`metrics` tells."""
-        for kept, array in self._figures:
-            copy(kept, array)
-
-    def recall(self) -> None:
-        """Tells nothing of what was since :meth:`remember`."""
-        for kept, array in self._figures:
-            copy(array, kept)
 
     def metrics(self) -> dict[str, Any]:
         """Of the latest step, the worst world: ``newton_iterations``, ``cg_iterations``, ``residual`` (the last update
