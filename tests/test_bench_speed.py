@@ -228,8 +228,8 @@ def test_starts_are_whole_processes(monkeypatch):
     [
         (["--problems", "hung"], "(did you mean 'hang'?)"),
         (["--integrators", "newton_style_3d"], "(did you mean 'newton_style3d'?)"),
-        (["--resolution", "1"], "Resolution must be a whole number from 4 to 1024, got 1."),
-        (["--frames", "1"], "Frames must be a whole number from 2 to 10000, got 1."),
+        (["--resolution", "1"], "Resolution must be a whole number from 4 to 1,024, got 1."),
+        (["--frames", "1"], "Frames must be a whole number from 2 to 10,000, got 1."),
         (["--budget", "3"], "--budget is an option of"),
         (["--compare", "nothing.json"], "The earlier results nothing.json cannot be read"),
     ],

@@ -23,7 +23,7 @@ def test_throughput_is_measured(tmp_path, capfd):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["worlds", "--worlds", "0"], "Worlds must be a whole number from 1 to 1000000, got 0."),
+        (["worlds", "--worlds", "0"], "Worlds must be a whole number from 1 to 1,000,000, got 0."),
         (["worlds", "--integrators", "xpdb"], "(did you mean 'xpbd'?)"),
         (["worlds", "--frames", "3"], "--frames is an option of `bench integrators` and `bench contact`"),
         (["contact", "--worlds", "3"], "--worlds is an option of `bench worlds`, not of `bench contact`."),

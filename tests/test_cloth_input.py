@@ -42,7 +42,7 @@ SPRING = ([[0, 1]], [1.0], [1.0], [0.0], [0])
         (lambda: pin_box((1, 0, 0), (0, 1, 1)), "must not exceed"),
         (lambda: pin_nearest(np.zeros((0, 3))), "at least one point"),
         (lambda: Cloth.disc(0.0), "radius must be"),
-        (lambda: Cloth.disc(0.5, 0), "resolution must be a whole number from 1 to 2048"),
+        (lambda: Cloth.disc(0.5, 0), "resolution must be a whole number from 1 to 2,048"),
         (lambda: Cloth.disc(pins="left"), "must be one of 'rim', 'center'"),
         (lambda: Cloth.from_mesh(trimesh.creation.box(), pins="left"), "need a grid or disc"),
         (lambda: Fabric(areal_density=0), "Fabric 'plain': areal_density must be a number greater than 0, got 0"),

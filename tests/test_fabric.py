@@ -135,7 +135,7 @@ def test_a_fabric_of_ones_own_may_have_nearly_a_name_of_the_library():
     ("fabric", "sentence"),
     [
         ('"denin"', "cloth.0.fabric must be a table or the name of a fabric"),
-        ('"denin"', "did you mean 'denim'?"),
+        ('"denin"', "the name of a fabric (`warpcloth fabrics`), not 'denin'; did you mean 'denim'?"),
         ('{ name = "denin" }', "must have the name of a fabric, or areal_density, bending_rigidity, shear_stiffness"),
         ('{ name = "denin", friction = 0.3 }', "of its own, not 'denin'; did you mean 'denim'?"),
         ('{ name = "denin", stretch_stiffness = 2000.0 }', "of its own, not 'denin'; did you mean 'denim'?"),

@@ -164,7 +164,7 @@ def test_worlds_that_do_not_match_are_refused():
     assert VectorEnv(iter([towel()]), worlds=2, device="cpu").worlds == 2
     with pytest.raises(InputError, match=r"^handles\[0\] must name particles from 0 to 24, got 25\.$"):
         env(handles=[[25]])
-    with pytest.raises(InputError, match="Worlds must be a whole number from 1 to 1000000, got 0"):
+    with pytest.raises(InputError, match="Worlds must be a whole number from 1 to 1,000,000, got 0"):
         env(0)
 
 

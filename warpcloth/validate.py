@@ -59,7 +59,7 @@ def integer(value: Any, what: str, *, minimum: int, maximum: int) -> int:
         result = minimum - 1
     if not minimum <= result <= maximum:
         got = shown(value)
-        raise InputError(f"{sentence(what)} must be a whole number from {minimum} to {maximum}, got {got}.")
+        raise InputError(f"{sentence(what)} must be a whole number from {minimum:,} to {maximum:,}, got {got}.")
     return result
 
 

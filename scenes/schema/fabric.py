@@ -86,7 +86,7 @@ class FabricTable(Table):
         if not isinstance(data, str):
             return data
         if data not in fabrics():
-            raise refuse(f"must be a table or the name of a fabric (`warpcloth fabrics`){_suggestion(data)}")
+            raise refuse("must be a table or the name of a fabric (`warpcloth fabrics`)", _suggestion(data))
         return {"name": data}
 
     @model_validator(mode="after")
@@ -113,8 +113,8 @@ class FabricTable(Table):
         slip = bool(difflib.get_close_matches(self.name, list(fabrics()), n=1, cutoff=0.75))
         if missing == _SHEET or (slip and missing):
             raise refuse(
-                f"must have the name of a fabric, or {', '.join(sorted(_SHEET))} of its own, not "
-                f"'{self.name}'{_suggestion(self.name)}"
+                f"must have the name of a fabric, or {', '.join(sorted(_SHEET))} of its own, not '{self.name}'",
+                _suggestion(self.name),
             )
 
     def build(self) -> Fabric:

@@ -76,7 +76,8 @@ def _sentence(problem: Mapping[str, Any], whole: str) -> str:
     if kind == "scene_value":
         # Of a table the phrase says all there is to say; of a single value it helps to see it.
         said = isinstance(found, Mapping) or not problem["loc"]
-        return f"{subject} {context['phrase']}" + ("" if said else f", not {shown(found)}")
+        found_is = f", but {context['but']}" if context["but"] else "" if said else f", not {shown(found)}"
+        return f"{subject} {context['phrase']}{found_is}{context['hint']}"
     hint = f"; write [[{where}]] above it" if kind == "list_type" and where in KINDS else _closest(kind, found, context)
     return f"{subject} must be {_wanted(kind, context)}, not {shown(found)}{hint}"
 

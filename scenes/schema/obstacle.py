@@ -141,14 +141,14 @@ class LatheTable(ObstacleTable):
     def _on_one_side(cls, outline: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         for index, (radius, _) in enumerate(outline):
             if radius < 0.0:
-                raise refuse(f"must be on one side of the axis, but its item {index} has a radius below 0")
+                raise refuse("must be on one side of the axis", but=f"its item {index} has a radius below 0")
         crossing = _crossing_sides(np.array(outline))
         if crossing is not None:
-            raise refuse("must not cross itself, but its sides from items {} and {} do".format(*crossing))
+            raise refuse("must not cross itself", but="its sides from items {} and {} do".format(*crossing))
         corners = np.array(outline)
         (x, z), (u, w) = corners.T, np.roll(corners, -1, axis=0).T
         if abs((x * w - u * z).sum()) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
-            raise refuse("must go around an area, but its corners are on one line or it goes there and back")
+            raise refuse("must go around an area", but="its corners are on one line or it goes there and back")
         return outline
 
     def shaped(self, folder: Path, common: dict[str, Any]) -> obstacles.MeshObstacle:

@@ -18,9 +18,15 @@ MOST_VERTICES = 4_000_000
 MOST_FRAMES = 1_000_000
 
 
-def refuse(phrase: str) -> PydanticCustomError:
-    """The error of a value that is not what it must be; ``phrase`` reads on from the name of the key."""
-    return PydanticCustomError("scene_value", "{phrase}", {"phrase": phrase})
+def refuse(phrase: str, hint: str = "", but: str = "") -> PydanticCustomError:
+    """The error of a value that is not what it must be.
+
+    Args:
+        phrase: reads on from the name of the key.
+        hint: what goes after the value that was found, such as ``; did you mean 'denim'?``.
+        but: what is wrong with the value, where that says more than the value itself.
+    """
+    return PydanticCustomError("scene_value", "{phrase}", {"phrase": phrase, "hint": hint, "but": but})
 
 
 def is_number(value: Any) -> bool:
@@ -128,7 +134,7 @@ class Rows(Checked):
             raise refuse(f"must be {self.label}")
         for position, item in enumerate(value):
             if not self.item.accepts(item):
-                raise refuse(f"must be {self.label}; its item {position} is not")
+                raise refuse(f"must be {self.label}", f" (see its item {position})")
         return tuple(self.item.check(item) for item in value)
 
     @property

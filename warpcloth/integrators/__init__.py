@@ -97,7 +97,8 @@ def make_integrator(name: str, model: Model, options: Mapping[str, Any] | None =
     """The integrator of that name, with its scratch memory for this model.
 
     Raises:
-        InputError: unknown name or option; the sentence lists what there is and proposes the closest.
+        InputError: unknown name or option, where the sentence lists what there is and proposes the closest, or an
+            option that is out of range.
     """
     cls = INTEGRATORS[validate.choice(name, INTEGRATORS, "integrator")]
     known = option_names(cls)
@@ -108,7 +109,11 @@ def make_integrator(name: str, model: Model, options: Mapping[str, Any] | None =
         if not known:
             raise InputError(f"Integrator '{name}' has no options, got '{option}'.")
         validate.choice(option, known, f"option of integrator '{name}'")
-    return cls(model, **(options or {}))
+    try:
+        return cls(model, **(options or {}))
+    except InputError as error:
+        reason = str(error)
+        raise InputError(f"Integrator '{name}': {reason[:1].lower()}{reason[1:]}") from None
 
 
 __all__ = ["INTEGRATORS", "Integrator", "IntegratorInfo", "integrators", "make_integrator"]
