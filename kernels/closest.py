@@ -6,11 +6,32 @@ and a triangle (1, −α, −β, −γ), for two segments (1−s, s, −(1−t),
 
 import warp as wp
 
+Four = wp.types.matrix(shape=(4, 3), dtype=wp.float64)  # the points of a pair, or their ways, one in each row [m]
+
 
 @wp.func
-def combine(w: wp.vec4d, x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp.vec3d):
+def combine(w: wp.vec4d, x: Four):
     """Σ wₖ xₖ."""
-    return w[0] * x0 + w[1] * x1 + w[2] * x2 + w[3] * x3
+    return w[0] * x[0] + w[1] * x[1] + w[2] * x[2] + w[3] * x[3]
+
+
+@wp.func
+def from_mean(u: Four):
+    """Motions of four points relative to their mean."""
+    mean = wp.float64(0.25) * (u[0] + u[1] + u[2] + u[3])
+    return wp.matrix_from_rows(u[0] - mean, u[1] - mean, u[2] - mean, u[3] - mean)
+
+
+@wp.func
+def reach_of(kind: int, u: Four):
+    """By how much the two features of a pair can come nearer to each other while their points move by u [m]."""
+    first = wp.length(u[0])
+    second = wp.max(wp.length(u[2]), wp.length(u[3]))
+    if kind == 0:
+        second = wp.max(second, wp.length(u[1]))
+    else:
+        first = wp.max(first, wp.length(u[1]))
+    return first + second
 
 
 @wp.func
@@ -29,18 +50,19 @@ def closer_edge(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
     """Weights of the point on the triangle's border closest to p."""
     one = wp.float64(1.0)
     zero = wp.float64(0.0)
+    x = wp.matrix_from_rows(p, a, b, c)
     t = segment_parameter(p, a, b)
     weights = wp.vec4d(one, t - one, -t, zero)
-    nearest = wp.length_sq(combine(weights, p, a, b, c))
+    nearest = wp.length_sq(combine(weights, x))
     t = segment_parameter(p, b, c)
     other = wp.vec4d(one, zero, t - one, -t)
-    squared = wp.length_sq(combine(other, p, a, b, c))
+    squared = wp.length_sq(combine(other, x))
     if squared < nearest:
         nearest = squared
         weights = other
     t = segment_parameter(p, c, a)
     other = wp.vec4d(one, -t, zero, t - one)
-    if wp.length_sq(combine(other, p, a, b, c)) < nearest:
+    if wp.length_sq(combine(other, x)) < nearest:
         weights = other
     return weights
 
@@ -89,32 +111,23 @@ def segment_segment(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
 
 
 @wp.func
-def pair_weights(kind: int, x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp.vec3d):
+def pair_weights(kind: int, x: Four):
     """Weights of a pair: kind 0 is point–triangle, kind 1 segment–segment."""
     if kind == 0:
-        return point_triangle(x0, x1, x2, x3)
-    return segment_segment(x0, x1, x2, x3)
+        return point_triangle(x[0], x[1], x[2], x[3])
+    return segment_segment(x[0], x[1], x[2], x[3])
 
 
 @wp.func
-def time_of_impact(
-    kind: int, x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp.vec3d,
-    u0: wp.vec3d, u1: wp.vec3d, u2: wp.vec3d, u3: wp.vec3d, separation: wp.float64,
-):  # fmt: skip
+def time_of_impact(kind: int, x: Four, u: Four, separation: wp.float64):
     """Fraction of the straight motions x + t u that keeps the pair further than ``separation`` apart; 1 if all of it.
 
     Additive continuous collision detection (Li, Kaufman, Jiang 2021): only relative motion counts, each advance is by a
     distance that cannot be used up, so the answer is never late. Pairs that start closer keep half their distance.
     """
-    mean = wp.float64(0.25) * (u0 + u1 + u2 + u3)
-    p0 = u0 - mean
-    p1 = u1 - mean
-    p2 = u2 - mean
-    p3 = u3 - mean
-    reach = wp.length(p0) + wp.max(wp.max(wp.length(p1), wp.length(p2)), wp.length(p3))
-    if kind == 1:
-        reach = wp.max(wp.length(p0), wp.length(p1)) + wp.max(wp.length(p2), wp.length(p3))
-    d = wp.length(combine(pair_weights(kind, x0, x1, x2, x3), x0, x1, x2, x3))
+    way = from_mean(u)
+    reach = reach_of(kind, way)
+    d = wp.length(combine(pair_weights(kind, x), x))
     keep = wp.min(separation, wp.float64(0.5) * d)
     one = wp.float64(1.0)
     if reach <= d - keep or not wp.isfinite(reach):
@@ -126,11 +139,8 @@ def time_of_impact(
         s = t + advance
         if s > one:
             return one
-        y0 = x0 + s * p0
-        y1 = x1 + s * p1
-        y2 = x2 + s * p2
-        y3 = x3 + s * p3
-        d = wp.length(combine(pair_weights(kind, y0, y1, y2, y3), y0, y1, y2, y3))
+        y = x + s * way
+        d = wp.length(combine(pair_weights(kind, y), y))
         if d - keep <= stop:
             return t
         t = s

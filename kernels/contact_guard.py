@@ -12,7 +12,7 @@ import warp as wp
 
 from .closest import time_of_impact
 from .contact_clusters import Clusters, common_way, unite
-from .contact_pairs import Pairs, narrow, wide
+from .contact_pairs import Pairs, four_of, narrow, wide
 from .counting import count_up
 from .direct import int_at, real_at, vector_at
 from .motion import Tracks, pose_at, rotation_matrix
@@ -151,6 +151,53 @@ def rigid(i: wp.vec4i, carrier: wp.array(dtype=wp.int32)):
     return s > REST and carrier[i[1]] == s and carrier[i[2]] == s and carrier[i[3]] == s
 
 
+@wp.func
+def without_carrier(i: wp.vec4i, particle_inv_mass: wp.array(dtype=real), carrier: wp.array(dtype=wp.int32)):
+    """Which of a pair's particles can move and have no carrier: 1, else 0."""
+    free = wp.vec4i()
+    for m in range(4):
+        if particle_inv_mass[i[m]] > real(0.0) and carrier[i[m]] < 0:
+            free[m] = 1
+    return free
+
+
+@wp.func
+def hold_back(
+    i: wp.vec4i, t: wp.float64, particle_inv_mass: wp.array(dtype=real), fraction: wp.array(dtype=wp.float64),
+    fraction_out: wp.array(dtype=wp.float64),
+):  # fmt: skip
+    """Particles of a pair that meets after the part t of its way go less far; returns how many were not at home."""
+    changed = int(0)
+    for m in range(4):
+        f = fraction[i[m]]
+        if particle_inv_mass[i[m]] > real(0.0) and f > wp.float64(0.0):
+            g = wp.float64(0.9) * t * f
+            if g < wp.float64(0.02):
+                g = wp.float64(0.0)
+            wp.atomic_min(fraction_out, i[m], g)
+            changed += 1
+    return changed
+
+
+@wp.func
+def bring_to_rest(
+    i: wp.vec4i, particle_inv_mass: wp.array(dtype=real), carrier: wp.array(dtype=wp.int32),
+    carrier_out: wp.array(dtype=wp.int32),
+):  # fmt: skip
+    """What is free comes to rest, what rests goes with what carries another of the pair; returns how many change."""
+    free = without_carrier(i, particle_inv_mass, carrier)
+    with_whom = int(REST)
+    for m in range(4):
+        with_whom = wp.max(with_whom, carrier[i[m]])
+    changed = int(0)
+    for m in range(4):
+        rests = particle_inv_mass[i[m]] > real(0.0) and carrier[i[m]] == REST and with_whom > REST
+        if free[m] == 1 or rests:
+            wp.atomic_max(carrier_out, i[m], wp.where(rests, with_whom, REST))
+            changed += 1
+    return changed
+
+
 @wp.kernel
 def limit_motion(
     # Model
@@ -181,38 +228,15 @@ def limit_motion(
         i = pairs.particles[k]
         if rigid(i, carrier):
             continue
-        x0 = wide(particle_from[i[0]])
-        x1 = wide(particle_from[i[1]])
-        x2 = wide(particle_from[i[2]])
-        x3 = wide(particle_from[i[3]])
-        u0 = wide(particle_end[i[0]]) - x0
-        u1 = wide(particle_end[i[1]]) - x1
-        u2 = wide(particle_end[i[2]]) - x2
-        u3 = wide(particle_end[i[3]]) - x3
-        t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
+        x = four_of(particle_from, i)
+        u = four_of(particle_end, i) - x
+        t = time_of_impact(pairs.kind[k], x, u, separation)
         if not t < wp.float64(1.0):
             continue
-        with_whom = int(REST)
-        free = wp.vec4i()
-        for m in range(4):
-            with_whom = wp.max(with_whom, carrier[i[m]])
-            if particle_inv_mass[i[m]] > real(0.0) and carrier[i[m]] < 0:
-                free[m] = 1
-        changed = unite(i, free, clusters, parent_out)
-        for m in range(4):
-            f = fraction[i[m]]
-            if particle_inv_mass[i[m]] > real(0.0) and f > wp.float64(0.0):
-                g = wp.float64(0.9) * t * f
-                if g < wp.float64(0.02):
-                    g = wp.float64(0.0)
-                wp.atomic_min(fraction_out, i[m], g)
-                changed += 1
+        changed = unite(i, without_carrier(i, particle_inv_mass, carrier), clusters, parent_out)
+        changed += hold_back(i, t, particle_inv_mass, fraction, fraction_out)
         if changed == 0:
-            for m in range(4):
-                rests = particle_inv_mass[i[m]] > real(0.0) and carrier[i[m]] == REST and with_whom > REST
-                if free[m] == 1 or rests:
-                    wp.atomic_max(carrier_out, i[m], wp.where(rests, with_whom, REST))
-                    changed += 1
+            changed = bring_to_rest(i, particle_inv_mass, carrier, carrier_out)
         if changed > 0:
             count_up(held_back_out, 0, changed)
         else:

@@ -9,8 +9,8 @@ import sys
 import warp as wp
 
 from .closest import combine, pair_weights, time_of_impact
-from .contact_pairs import Contacts, Pairs, put_contact, relative_motion, weights_of, wide
-from .contact_response import effective_mobility, part_of
+from .contact_pairs import Contacts, Pairs, four_of, put_contact, relative_motion, weights_of, wide
+from .contact_response import effective_mobility, pair_friction, part_of, rubbed
 from .counting import count_up
 from .fixed_sums import KICK_UNIT, MOVE_UNIT, add_fixed, add_share
 from .precision import FORWARD_ONLY, real, vec3
@@ -51,32 +51,22 @@ def find_impacts(
     share = clearance + grown * (wp.float64(1.0) - clearance)
     for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         i = pairs.particles[k]
-        zero = wp.float64(0.0)
-        x0 = wide(particle_from[i[0]])
-        x1 = wide(particle_from[i[1]])
-        x2 = wide(particle_from[i[2]])
-        x3 = wide(particle_from[i[3]])
-        u0 = wide(particle_to[i[0]]) - x0
-        u1 = wide(particle_to[i[1]]) - x1
-        u2 = wide(particle_to[i[2]]) - x2
-        u3 = wide(particle_to[i[3]]) - x3
+        x = four_of(particle_from, i)
+        u = four_of(particle_to, i) - x
         contacts_out.depth[k] = real(0.0)
-        t = time_of_impact(pairs.kind[k], x0, x1, x2, x3, u0, u1, u2, u3, separation)
+        t = time_of_impact(pairs.kind[k], x, u, separation)
         if not t < wp.float64(1.0):
             continue
-        x0 += t * u0
-        x1 += t * u1
-        x2 += t * u2
-        x3 += t * u3
-        w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
-        if effective_mobility(particle_inv_mass, i, w) <= zero:
+        x += t * u
+        w = pair_weights(pairs.kind[k], x)
+        if effective_mobility(particle_inv_mass, i, w) <= wp.float64(0.0):
             if rounds[0] == 0:
                 count_up(counts_out, 1, 1)
             continue
-        d = combine(w, x0, x1, x2, x3)
+        d = combine(w, x)
         n = wp.normalize(d)
         reach = share * wp.float64(pairs.distance[k])
-        gap = wp.dot(d + (wp.float64(1.0) - t) * combine(w, u0, u1, u2, u3), n)
+        gap = wp.dot(d + (wp.float64(1.0) - t) * combine(w, u), n)
         count_up(impacts_out, 0, 1)
         for m in range(4):
             met_out[i[m]] = 1
@@ -84,6 +74,21 @@ def find_impacts(
             contacts_out.depth[k] = real(reach - gap)
             put_contact(contacts_out, k, w, n)
             add_share(share_out, i, w, stride == 1)
+
+
+@wp.func
+def relative_speed(
+    start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), particle_qd: wp.array(dtype=vec3), cloth_particles: int,
+    span: wp.float64, i: wp.vec4i, w: wp.vec4d,
+):  # fmt: skip
+    """Σ wₖ vₖ [m/s]. Obstacles have no velocities of their own: theirs is their way over the ``span`` [s]."""
+    speed = wp.vec3d()
+    for m in range(4):
+        if i[m] < cloth_particles:
+            speed += w[m] * wide(particle_qd[i[m]])
+        else:
+            speed += (w[m] / span) * (wide(end[i[m]]) - wide(start[i[m]]))
+    return speed
 
 
 @wp.kernel
@@ -110,9 +115,8 @@ def bounce(
 ):
     """Ends part by ``depth``, approach stops, friction takes up to μ times as much from what is tangential.
 
-    All pairs act at once, each by its part; see :func:`contact_response.push_contacts`. Obstacles have no velocities of
-    their own: theirs is their way over the interval of ``span`` [s]. Levers reach less far from round to round: where
-    they lead nowhere, a hundred rounds must not throw the cloth away.
+    All pairs act at once, each by its part; see :func:`contact_response.push_contacts`. Levers reach less far from
+    round to round: where they lead nowhere, a hundred rounds must not throw the cloth away.
     """
     for k in range(thread_offset + wp.tid(), wp.min(pairs.count[0], pairs.kind.shape[0]), stride):
         depth = wp.float64(contacts.depth[k])
@@ -121,26 +125,18 @@ def bounce(
         i = pairs.particles[k]
         w = weights_of(contacts, k)
         n = wide(contacts.normal[k])
-        zero = wp.float64(0.0)
         one = wp.float64(1.0)
         effective = effective_mobility(particle_inv_mass, i, w)
-        if effective <= zero:
+        if effective <= wp.float64(0.0):
             continue
         reach = wp.float64(pairs.distance[k]) / wp.float64(1 + rounds[0])
         part = part_of(particle_inv_mass, share, i, w, effective, depth, reach)
         moved = relative_motion(particle_from, particle_to, i, w)
-        speed = wp.vec3d()
-        for m in range(4):
-            if i[m] < cloth_particles:
-                speed += w[m] * wide(particle_qd[i[m]])
-            else:
-                speed += (w[m] / span) * (wide(particle_to[i[m]]) - wide(particle_from[i[m]]))
-        friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
-        slide = moved - wp.dot(moved, n) * n
-        move = depth * n - wp.min(friction * depth / wp.max(wp.length(slide), wp.float64(1.0e-30)), one) * slide
-        approach = wp.max(-wp.dot(speed, n), zero)
-        slip = speed - wp.dot(speed, n) * n
-        kick = approach * n - wp.min(friction * approach / wp.max(wp.length(slip), wp.float64(1.0e-30)), one) * slip
+        speed = relative_speed(particle_from, particle_to, particle_qd, cloth_particles, span, i, w)
+        friction = pair_friction(particle_friction, i)
+        move = depth * n - rubbed(moved, n, friction * depth, one)
+        approach = wp.max(-wp.dot(speed, n), wp.float64(0.0))
+        kick = approach * n - rubbed(speed, n, friction * approach, one)
         for m in range(4):
             c = part * w[m] * wp.float64(particle_inv_mass[i[m]]) / effective
             add_fixed(move_out, i[m], c * move, MOVE_UNIT, stride == 1)

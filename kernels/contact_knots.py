@@ -15,7 +15,7 @@ import warp as wp
 
 from .closest import combine, pair_weights
 from .contact_clusters import UNIT, Clusters, common_way, unite
-from .contact_pairs import Pairs, narrow, relative_motion, wide
+from .contact_pairs import Pairs, four_of, narrow, relative_motion, wide
 from .precision import FORWARD_ONLY, real, vec3
 
 wp.set_module_options(FORWARD_ONLY, module=sys.modules[__name__])
@@ -112,15 +112,12 @@ def find_knots(
         i = pairs.particles[k]
         if crossed.world[particle_world[i[0]]] == 0 or not all_free(i, particle_inv_mass):
             continue
-        x0 = wide(particle_q[i[0]])
-        x1 = wide(particle_q[i[1]])
-        x2 = wide(particle_q[i[2]])
-        x3 = wide(particle_q[i[3]])
-        w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
+        x = four_of(particle_q, i)
+        w = pair_weights(pairs.kind[k], x)
         moved = relative_motion(particle_start, particle_q, i, w)
         if wp.length(moved) > FAST * wp.float64(pairs.distance[k]):
             continue
-        if not through(w, combine(w, x0, x1, x2, x3), wide(pairs.side[k])):
+        if not through(w, combine(w, x), wide(pairs.side[k])):
             continue
         if unite(i, wp.vec4i(1), clusters, parent_out) > 0:
             united_out[0] = 1

@@ -17,7 +17,7 @@ import sys
 import warp as wp
 
 from .closest import combine
-from .contact_pairs import wide
+from .contact_pairs import four_of
 from .counting import add_whole
 from .fixed_sums import MOVE_UNIT, SHARE_UNIT
 from .precision import FORWARD_ONLY, real, vec3
@@ -117,7 +117,7 @@ def add_lack(
     """Adds what a pair of cloth lacks of its distance at ``start`` [m] to its particles' sums, if any."""
     if lack_out.shape[0] == 0 or not between_cloths(load, i):
         return
-    lack = distance - wp.dot(combine(w, wide(start[i[0]]), wide(start[i[1]]), wide(start[i[2]]), wide(start[i[3]])), n)
+    lack = distance - wp.dot(combine(w, four_of(start, i)), n)
     for m in range(4):
         add_whole(lack_out, i[m], wp.int64(wp.round(MOVE_UNIT * wp.abs(w[m]) * lack)), alone)
 

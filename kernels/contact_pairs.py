@@ -8,7 +8,7 @@ import sys
 
 import warp as wp
 
-from .closest import combine, pair_weights
+from .closest import combine, from_mean, pair_weights, reach_of
 from .contact_candidates import TrianglePairs, has, length_of
 from .contact_culling import triangles_apart, ways_apart
 from .contact_ways import Way, may_meet
@@ -68,6 +68,12 @@ def weights_of(contacts: Contacts, k: int):
 
 
 @wp.func
+def four_of(points: wp.array(dtype=vec3), i: wp.vec4i):
+    """The points of a pair."""
+    return wp.matrix_from_rows(wide(points[i[0]]), wide(points[i[1]]), wide(points[i[2]]), wide(points[i[3]]))
+
+
+@wp.func
 def relative_motion(start: wp.array(dtype=vec3), end: wp.array(dtype=vec3), i: wp.vec4i, w: wp.vec4d):
     """Σ wₖ (end − start) [m]."""
     total = wp.vec3d()
@@ -118,45 +124,24 @@ def add_pair(
 
     With a ``leeway`` below 1 the closest points are taken along their way, and of other motion only that share counts.
     """
-    x0 = wide(start[i[0]])
-    x1 = wide(start[i[1]])
-    x2 = wide(start[i[2]])
-    x3 = wide(start[i[3]])
-    w = pair_weights(kind, x0, x1, x2, x3)
-    d = combine(w, x0, x1, x2, x3)
-    length = wp.length(d)
-    u0 = wide(end[i[0]]) - x0
-    u1 = wide(end[i[1]]) - x1
-    u2 = wide(end[i[2]]) - x2
-    u3 = wide(end[i[3]]) - x3
-    mean = wp.float64(0.25) * (u0 + u1 + u2 + u3)
-    u0 -= mean
-    u1 -= mean
-    u2 -= mean
-    u3 -= mean
-    first = wp.length(u0)
-    second = wp.max(wp.length(u2), wp.length(u3))
-    if kind == 0:
-        second = wp.max(second, wp.length(u1))
-    else:
-        first = wp.max(first, wp.length(u1))
-    nearest = length
+    x = four_of(start, i)
+    u = from_mean(four_of(end, i) - x)
+    w = pair_weights(kind, x)
+    d = combine(w, x)
+    nearest = wp.length(d)
     if leeway < wp.float64(1.0):
-        way = combine(w, u0, u1, u2, u3)
+        way = combine(w, u)
         t = -wp.dot(d, way) / wp.max(wp.dot(way, way), wp.float64(1.0e-30))
         nearest = wp.length(d + wp.clamp(t, wp.float64(0.0), wp.float64(1.0)) * way)
-    if not nearest <= margin + leeway * (first + second):  # nor where a diverged particle is not a number
+    if not nearest <= margin + leeway * reach_of(kind, u):  # nor where a diverged particle is not a number
         return
     contact = wp.float64(radius[i[0]]) + wp.float64(radius[i[3]])
     if i[0] >= cloth_particles or i[3] >= cloth_particles:
         # The obstacle response keeps particles at the full distance; only edges and corners between them come closer.
         contact = wp.float64(0.9) * contact
     if body[i[0]] == body[i[3]]:
-        r0 = wide(rest[i[0]])
-        r1 = wide(rest[i[1]])
-        r2 = wide(rest[i[2]])
-        r3 = wide(rest[i[3]])
-        at_rest = wp.length(combine(pair_weights(kind, r0, r1, r2, r3), r0, r1, r2, r3))
+        r = four_of(rest, i)
+        at_rest = wp.length(combine(pair_weights(kind, r), r))
         contact = wp.min(contact, wp.float64(0.5) * at_rest)
     n = count_up(pairs.count, 0, 1)
     if n < pairs.kind.shape[0]:

@@ -7,7 +7,7 @@ import warp as wp
 from .closest import combine, pair_weights
 from .contact_knots import Crossed, note_crossed, through
 from .contact_load import PADDING, FurtherPasses, Load, add_lack, earn_pass, load_between, takes_part
-from .contact_pairs import Contacts, Pairs, narrow, put_contact, relative_motion, weights_of, wide
+from .contact_pairs import Contacts, Pairs, four_of, narrow, put_contact, relative_motion, weights_of, wide
 from .fixed_sums import KICK_UNIT, MOVE_UNIT, SHARE_UNIT, add_fixed, add_share, from_fixed
 from .precision import FORWARD_ONLY, real, vec3, vec4
 
@@ -78,13 +78,10 @@ def find_contacts(
         if not takes_part(further_out, load.world[i[0]], contacts_out.depth[k], pairs.distance[k]):
             contacts_out.depth[k] = wp.min(contacts_out.depth[k], real(0.0))
             continue
-        x0 = wide(particle_q[i[0]])
-        x1 = wide(particle_q[i[1]])
-        x2 = wide(particle_q[i[2]])
-        x3 = wide(particle_q[i[3]])
+        x = four_of(particle_q, i)
         zero = wp.float64(0.0)
-        w = pair_weights(pairs.kind[k], x0, x1, x2, x3)
-        d = combine(w, x0, x1, x2, x3)
+        w = pair_weights(pairs.kind[k], x)
+        d = combine(w, x)
         length = wp.length(d)
         n = wide(pairs.side[k])
         distance = wp.float64(pairs.distance[k])
@@ -101,6 +98,12 @@ def find_contacts(
             earn_pass(further_out, load, i, carried)
             put_contact(contacts_out, k, w, n)
             add_share(share_out, i, w, stride == 1)
+
+
+@wp.func
+def pair_friction(particle_friction: wp.array(dtype=real), i: wp.vec4i):
+    """Coulomb's coefficient of a pair: the geometric mean of its two sides."""
+    return wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
 
 
 @wp.func
@@ -166,7 +169,7 @@ def push_contacts(
         moved = relative_motion(particle_start, particle_q, i, w)
         depth_share = part * depth
         push = wp.min(depth_share, wp.max(-wp.dot(moved, n), zero))
-        friction = wp.sqrt(wp.float64(particle_friction[i[0]]) * wp.float64(particle_friction[i[3]]))
+        friction = pair_friction(particle_friction, i)
         carried = relative_motion(particle_start, particle_free, i, w)
         stop = wp.min(depth_share, wp.max(-wp.dot(carried, n), zero))
         kick = (stop * n - rubbed(carried, n, friction * stop, part)) / (effective * dt)
