@@ -128,7 +128,7 @@ def test_bad_meshes_fail_alone_with_their_reasons(tmp_path):
     folder = BatchFolder(tmp_path / "batch")
     reasons = [folder.metrics(index).get("reason") for index in range(5)]
     assert reasons[0] is reasons[4] is None
-    assert "b_corrupt' holds no triangle mesh" in reasons[1]
+    assert "b_corrupt.stl' holds no triangle that can be read" in reasons[1]
     assert "c_empty.obj' is empty" in reasons[2]
     assert reasons[3] == "It needed more than 1,000 MiB of memory."
     assert (folder.place(3) / "scene.toml").exists()

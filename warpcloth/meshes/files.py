@@ -17,7 +17,8 @@ def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     """The mesh in an STL, GLB or glTF file.
 
     Raises:
-        MeshError: when trimesh cannot read it, or it holds several meshes (glTF) and none is chosen, or a sparse one.
+        MeshError: when trimesh cannot read it or finds nothing in it, or it holds several meshes (glTF) and none is
+            chosen, or a sparse one.
     """
     import trimesh
 
@@ -37,6 +38,9 @@ def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
         raise MeshError(
             f"The mesh file '{path.name}' is damaged or not {kind.upper()} (trimesh: {lines[0]})."
         ) from None
+    if not gltf and not any(len(geometry.faces) for geometry in scene.geometry.values()):
+        # What trimesh makes of a file that is shorter than its header says, too.
+        raise MeshError(f"The mesh file '{path.name}' holds no triangle that can be read: it is cut off or not STL.")
     whole = join or not gltf  # solids of an STL file are parts of one thing, as groups of an OBJ file are
     return mesh_of_scene(scene, path.stem, prim, whole, Y_UP_TO_Z_UP if gltf else np.eye(4))
 
