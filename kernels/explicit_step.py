@@ -14,8 +14,13 @@ weights = wp.types.vector(8, real)
 
 @wp.func
 def weighted_sum(first: vec3, stage_f: wp.array2d(dtype=vec3), i: int, count: int, w: weights):
-    """w₀ first + Σ w_j stage_f[j − 1, i] over the ``count`` further stages."""
-    total = w[0] * first
+    """w₀ first + Σ w_j stage_f[j − 1, i] over the ``count`` further stages.
+
+    Where w₀ is 0 nobody has worked out ``first``, which may be what a step that diverged left there.
+    """
+    total = vec3()
+    if w[0] != real(0.0):
+        total = w[0] * first
     for j in range(count):
         total += w[j + 1] * stage_f[j, i]
     return total

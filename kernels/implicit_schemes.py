@@ -30,12 +30,18 @@ def stage_base(
     particle_q_out: wp.array(dtype=vec3),
     particle_qd_out: wp.array(dtype=vec3),
 ):
-    """x̄ = x + s dt v + p (x − x₋₁), v̄ = v + s dt f/m + p (v − v₋₁); the guess is the state itself."""
+    """x̄ = x + s dt v + p (x − x₋₁), v̄ = v + s dt f/m + p (v − v₋₁); the guess is the state itself.
+
+    Where s is 0 nobody has worked out f, which may be what a step that diverged left there.
+    """
     i = thread_offset + wp.tid()
     x = particle_q[i]
     v = particle_qd[i]
+    pushed = vec3()
+    if at_start != real(0.0):
+        pushed = at_start * dt * particle_inv_mass[i] * particle_f[i]
     position_base_out[i] = x + at_start * dt * v + past * (x - past_q[i])
-    velocity_base_out[i] = v + at_start * dt * particle_inv_mass[i] * particle_f[i] + past * (v - past_qd[i])
+    velocity_base_out[i] = v + pushed + past * (v - past_qd[i])
     particle_q_out[i] = x
     particle_qd_out[i] = v
 

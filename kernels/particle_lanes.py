@@ -34,7 +34,8 @@ _GRAVITY = for_cpu(f"""
 _ADVANCE = for_cpu(f"""
     {_BEGIN}
     auto sum = [&](const auto& share) {{
-        V3 total = share[0] * triples(particle_f);
+        V3 total = 0;
+        if (share[0] != 0) total = share[0] * triples(particle_f);
         for (int j = 0; j < stage_count; ++j)
             total += share[j + 1] * some3((const R*)(stage_f.data + (long long)j * stage_f.shape[1] + i), count);
         return total;

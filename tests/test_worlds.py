@@ -11,7 +11,7 @@ from integrator_problems import NAMES
 import warpcloth as wc
 from warpcloth import diagnostics
 from warpcloth.contact.pair_list import PairList
-from warpcloth.errors import InputError
+from warpcloth.errors import InputError, SimulationError
 from warpcloth.integrators import INTEGRATORS
 
 INDEPENDENT = [name for name in NAMES if not INTEGRATORS[name].couples_worlds]
@@ -143,6 +143,23 @@ def test_all_worlds_begin_anew_where_they_share_steps(name):
         one.run(2)
     np.testing.assert_array_equal(phase(sim), phase(fresh))
     assert sim.integrator.metrics() == fresh.integrator.metrics()
+
+
+@pytest.mark.filterwarnings("ignore::warpcloth.errors.ConvergenceWarning")
+@pytest.mark.parametrize("name", NAMES)
+def test_what_has_diverged_begins_anew(name):
+    """Bitwise, however infinite the forces that its last step left behind."""
+    model = wc.Model.build([wc.Cloth.grid((0.2, 0.2), (4, 4), SOFT, pins="left")])
+    force = wc.AppliedForce(model)
+    sim, fresh = (wc.Simulation(model, name, substeps=50, forces=forces) for forces in ([force], []))
+    force.force.assign(np.where(np.arange(48).reshape(16, 3) == 21, np.inf, 0.0))
+    with pytest.raises(SimulationError):
+        sim.run(2)
+    force.force.zero_()
+    sim.reset()
+    for one in (sim, fresh):
+        one.run(2)
+    np.testing.assert_array_equal(phase(sim), phase(fresh))
 
 
 @pytest.mark.parametrize(
