@@ -177,3 +177,18 @@ def test_single_steps_take_springs_as_they_are(integrator):
             simulation.substep(1e-3)
         ends.append(simulation.state.particle_q.numpy())
     assert np.array_equal(*ends)
+
+
+def test_a_tape_of_an_earlier_way_is_refused():
+    """There is memory for one way, and what else would be gone back through is another one."""
+    rollout = Rollout(crumpled("velocity_verlet", 10), 2)
+    tape = wp.Tape()
+    rollout.forward(tape)
+    rollout.start.particle_qd.fill_(0.1)
+    rollout.forward()
+    with pytest.raises(InputError, match="called again since this tape noted it"):
+        tape.backward(grads={rollout.end.particle_q: wp.ones_like(rollout.end.particle_q)})
+    tape = wp.Tape()
+    rollout.forward(tape)
+    tape.backward(grads={rollout.end.particle_q: wp.ones_like(rollout.end.particle_q)})
+    assert np.abs(rollout.gradients["particle_qd"].numpy()).max() > 0.0

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -84,6 +85,7 @@ class Rollout:
         self.states = [fresh_state(simulation.state) for _ in wanted]
         self._observed = dict(zip(wanted, self.states, strict=True))
         self._derived: wp.Tape | None = None
+        self._forwards = 0
         self._make_snapshots()
 
     @property
@@ -112,7 +114,8 @@ class Rollout:
         Args:
             tape: where to note this, so that ``tape.backward(loss)`` goes back through it: call it where the launches
                 that it follows have been recorded, and those that use ``states`` have not, outside ``with tape:``.
-                Gradients then add up, as they do on tapes, until ``tape.zero()``.
+                Gradients then add up, as they do on tapes, until ``tape.zero()``. There is memory for one way: go back
+                before the next ``forward``.
 
         Raises:
             DivergedError: something is no longer finite, or more than 1000 km off.
@@ -126,6 +129,7 @@ class Rollout:
         if tape is not None and not isinstance(tape, wp.Tape):
             raise InputError(f"Tape must be a warp.Tape, got {type(tape).__name__}.")
         simulation, self._derived = self.simulation, None
+        self._forwards += 1
         check_differentiable(simulation)
         simulation.lookout.warn_if_unstable(self.start, self._frame_dt, self.substeps, simulation._airs)
         simulation.lookout.rest_since[:] = np.inf  # of where it was before, and of frames that nobody looks at
@@ -149,7 +153,7 @@ class Rollout:
         if tape is not None:
             arrays = [self.start, *self.states]
             own = [array for state in arrays for array in (state.particle_q, state.particle_qd)]
-            tape.record_func(self._go_back, [*own, *self.parameters.values()])
+            tape.record_func(partial(self._go_back, self._forwards), [*own, *self.parameters.values()])
         return self.states
 
     @launches_alone
@@ -179,7 +183,7 @@ class Rollout:
                 if given is not None:
                     values = given.numpy() if isinstance(given, wp.array) else given
                     getattr(self.end, name).grad.assign(validate.array(values, name, shape))
-        self._go_back()
+        self._go_back(self._forwards)
         return self.gradients
 
     def _make_snapshots(self) -> None:
@@ -211,9 +215,18 @@ class Rollout:
                 self._observed[frame].copy_from(simulation.state)
 
     @launches_alone
-    def _go_back(self) -> None:
-        """Adds to the gradients what those of the observed states lead to, and leaves the simulation where it is."""
+    def _go_back(self, forward: int) -> None:
+        """Adds to the gradients what those of the observed states lead to, and leaves the simulation where it is.
+
+        Args:
+            forward: number of the call of :meth:`forward` that is to be gone back through.
+        """
         _check_no_tape_records()
+        if forward != self._forwards:
+            raise InputError(
+                "Rollout.forward has been called again since this tape noted it; go back after each, with a tape for "
+                "each, or make a Rollout for each start."
+            )
         if self._derived is None:
             raise InputError("There is nothing to go back through yet; call Rollout.forward first.")
         changed = self._given.changed(0)
