@@ -6,8 +6,10 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+from warpcloth.command_start import interrupt
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-DEFAULTS = (signal.default_int_handler, signal.SIG_DFL)
+DEFAULTS = (signal.default_int_handler, signal.SIG_DFL, interrupt)
 
 
 class StopRequest:
@@ -24,8 +26,9 @@ class StopRequest:
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if self.made or not self.waits:
-            raise KeyboardInterrupt
-        self.made = True
+            interrupt(number, frame)
+        else:
+            self.made = True
 
 
 @contextlib.contextmanager

@@ -291,43 +291,6 @@ def test_unstable_steps_are_one_line_on_stderr(tmp_path, capfd, monkeypatch):
     assert "which takes" in lines[0]
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals are sent by number")
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
-def test_an_interruption_while_modules_are_loaded_is_one_sentence(folder, share):
-    """Nobody could catch an exception then, and OpenUSD's modules would swallow it."""
-    command = [sys.executable, "-m", "warpcloth", "simulate", "napkin.toml", "--frames", "1000000", "--json"]
-    begun = time.perf_counter()
-    subprocess.run([sys.executable, "-c", "import warpcloth, warpcloth.cli"], check=True)
-    wait = share * (time.perf_counter() - begun)
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder)
-    time.sleep(max(0.2, wait))
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (130, "warpcloth: interrupted.\n")
-    assert json.loads(out) == {"error": "interrupted.", "exit_code": 130}
-    assert [path.name for path in folder.iterdir()] == ["napkin.toml"]
-
-
-def test_an_interruption_while_openusd_is_loaded_comes_once_it_is_there(tmp_path):
-    program = """
-        import importlib, signal, warpcloth.scenes
-        load = importlib.import_module
-        def interrupted(name, *more):
-            if name == "pxr.Sdf":
-                signal.raise_signal(signal.SIGINT)
-            return load(name, *more)
-        importlib.import_module = interrupted
-        try:
-            warpcloth.scenes.simulate
-        except KeyboardInterrupt:
-            import sys
-            print("pxr.Vt" in sys.modules)
-    """
-    program = "\n".join(line[8:] for line in program.split("\n"))
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
-    assert done.stdout == "True\n"
-
-
 def test_a_kernel_cache_that_cannot_be_made_is_one_sentence(folder):
     environment = {**os.environ, "WARP_CACHE_PATH": str(folder / "napkin.toml" / "cache")}
     command = [sys.executable, "-m", "warpcloth", "simulate", "napkin.toml", "--frames", "1"]

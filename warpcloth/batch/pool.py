@@ -1,8 +1,11 @@
 """Many workers on this machine: who does what, and what happens to the work of those that die."""
 
+import contextlib
 import multiprocessing
+import signal
 import time
 from collections.abc import Iterator
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from typing import Any
 
@@ -35,7 +38,8 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, other = context.Pipe()
         self.process = context.Process(target=serve, args=(other, str(folder.path), gpu, threads), daemon=True)
-        self.process.start()
+        with _deaf_children():
+            self.process.start()
         other.close()
         self.gpu = gpu
         self.job: list[int] = []
@@ -64,6 +68,21 @@ class Worker:
         if self.ended_for is None:
             self.ended_for = why
         self.process.kill()
+
+
+@contextlib.contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Ctrl-C, which reaches the whole group, does not reach processes that are started inside: for a second or two they
+    could only answer it with a traceback. What it brings this process waits as long."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # which would let Ctrl-C through again as it begins
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class LocalPool:
