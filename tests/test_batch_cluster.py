@@ -1,5 +1,6 @@
 """A batch on a Ray cluster of two nodes on this machine, one of which is killed in mid-run."""
 
+import re
 import signal
 
 import psutil
@@ -55,9 +56,21 @@ def test_a_dead_node_loses_nothing(tmp_path, cluster):
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_no_cluster_is_said_in_a_sentence(tmp_path):
+@pytest.mark.parametrize(
+    ("address", "sentence"),
+    [
+        ("auto", "There is no Ray cluster at 'auto': "),
+        ("127.0.0.1:1", "There is no Ray cluster at '127.0.0.1:1': Connection refused."),
+        ("ray://127.0.0.1:10001", "A Ray cluster's address is auto, local, or one such as host:6379, not "),
+        ("127.0.0.1:99999", "A Ray cluster's address is "),
+        ("http://127.0.0.1:80", "A Ray cluster's address is "),
+        ("", "A Ray cluster's address is "),
+    ],
+)
+def test_no_cluster_is_said_in_a_sentence_and_nothing_has_begun(tmp_path, address, sentence):
     sweep = load_sweep(written(tmp_path))
-    with pytest.raises(InputError, match=r"There is no Ray cluster at 'auto'"):
-        run_batch(sweep, tmp_path / "batch", ray="auto")
+    with pytest.raises(InputError, match="^" + re.escape(sentence)):
+        run_batch(sweep, tmp_path / "batch", ray=address)
+    assert not (tmp_path / "batch").exists()
     assert not [child for child in psutil.Process().children() if "raylet" in child.name()]
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL

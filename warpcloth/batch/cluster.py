@@ -1,11 +1,13 @@
 """Jobs on a Ray cluster. Nodes need no disk in common: what they write comes back and is put in place here."""
 
 import signal
+import socket
 import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from ..errors import InputError, SimulationError
 from .extra import needed
@@ -15,6 +17,7 @@ from .queue import Queue
 from .sweep import Sweep
 
 LOOK = 0.5  # [s] between looks at the clock
+ANSWER = 10.0  # [s] that a cluster has to answer
 PATIENCE = 3  # deaths of a task with one and the same sample alone, after which the sample has failed
 
 Written = tuple[Outcome, dict[str, bytes]]
@@ -24,7 +27,7 @@ class Cluster:
     """A connection to a Ray cluster.
 
     Args:
-        address: of the cluster: "auto", "host:6379", "ray://host:10001", or "local" for one on this machine.
+        address: of the cluster: "auto", "host:6379", or "local" for one on this machine.
 
     Raises:
         InputError: there is no cluster at that address.
@@ -35,6 +38,7 @@ class Cluster:
         self.ray = needed("ray", "cluster")
         self._ours = not self.ray.is_initialized()
         if self._ours:
+            _knock(address)
             at_term = signal.getsignal(signal.SIGTERM)
             try:
                 self.ray.init(address=address, log_to_driver=False, logging_level="ERROR", ignore_reinit_error=True)
@@ -64,6 +68,27 @@ class Cluster:
         """Leaves the cluster, if it was joined here."""
         if self._ours:
             self.ray.shutdown()
+
+
+def _knock(address: str) -> None:
+    """Looks whether anybody answers: Ray tries for many minutes, and logs each try.
+
+    Raises:
+        InputError: nobody does, or it is no address.
+    """
+    if address in ("auto", "local"):
+        return
+    try:
+        place = urlsplit(f"//{address}")
+        host, port = place.hostname, place.port
+    except ValueError:
+        host = port = None
+    if not host or not port:
+        raise InputError(f"A Ray cluster's address is auto, local, or one such as host:6379, not {address!r}.")
+    try:
+        socket.create_connection((host, port), timeout=ANSWER).close()
+    except OSError as error:
+        raise InputError(f"There is no Ray cluster at {address!r}: {error.strerror or error}.") from error
 
 
 class ClusterPool:

@@ -83,8 +83,7 @@ def run_batch(
     """
     folder = BatchFolder(path)
     folder.check(sweep)
-    with folder.locked(), stop_on_interrupt() as request, contextlib.ExitStack() as exits:
-        folder.claim(sweep)
+    with stop_on_interrupt() as request, contextlib.ExitStack() as exits:
         if "preview" in sweep.table.outputs:
             pyvista()  # before any work
         cluster = None
@@ -92,6 +91,8 @@ def run_batch(
             cluster = Cluster(ray)
             exits.callback(cluster.close)
             workers = workers or max(1, cluster.processors)
+        exits.enter_context(folder.locked())
+        folder.claim(sweep)
         with folder.writing():
             folder.sweep_up()
             if retry_failed:
