@@ -112,20 +112,21 @@ class SolverMassSpring(newton.solvers.SolverBase):
             flags: which of ``PARTICLE_Q`` and ``PARTICLE_QD`` to put back; None: both. Memory is forgotten regardless.
 
         Raises:
-            InputError: the mask has another shape, dtype or device.
+            InputError: the state is none of this model, or the mask has another shape, dtype or device.
         """
+        now = self._particles(state, "state")
         count, network = self.model.world_count + 1, self.network
         if world_mask is None:
             world_mask = wp.ones(count, dtype=wp.bool, device=network.device)
         mask = validate.device_array(world_mask, "world_mask", wp.bool, (count,), network.device)
         wanted = StateFlags.ALL if flags is None else StateFlags(flags)
         mask = network.local_mask(mask)
-        for flag, start, now in (
-            (StateFlags.PARTICLE_Q, network.particle_q, state.particle_q),
-            (StateFlags.PARTICLE_QD, network.particle_qd, state.particle_qd),
+        for flag, start, array in (
+            (StateFlags.PARTICLE_Q, network.particle_q, now.particle_q),
+            (StateFlags.PARTICLE_QD, network.particle_qd, now.particle_qd),
         ):
             if wanted & flag:
-                self._rows.restore(mask, start, now)
+                self._rows.restore(mask, start, array)
         self._rows.clear(mask, self._memory)
 
     def notify_model_changed(self, flags: ModelFlags | int) -> None:

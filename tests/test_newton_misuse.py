@@ -1,0 +1,36 @@
+"""What SolverMassSpring refuses in one sentence: states of another model, and other things than it asks for."""
+
+import newton
+import pytest
+
+import warpcloth as wc
+from warpcloth.errors import InputError
+from warpcloth.interop.newton import SolverMassSpring, add_cloth
+
+
+def finished(n: int = 5, bodies: int = 0, **options) -> newton.Model:
+    """A cloth of n² particles, and boxes below it."""
+    builder = newton.ModelBuilder()
+    add_cloth(builder, wc.Cloth.grid((0.2, 0.2), (n, n), transform=(0, 0, 1)))
+    for _ in range(bodies):
+        builder.add_shape_box(builder.add_body(mass=1.0), hx=0.1, hy=0.1, hz=0.1)
+    return builder.finalize(device="cpu", **options)
+
+
+def refusal(call, *arguments, **options) -> str:
+    with pytest.raises(InputError) as error:
+        call(*arguments, **options)
+    return str(error.value)
+
+
+def test_reset_refuses_what_is_no_state_of_the_model():
+    """Too few rows would be those of other particles, and too many are not in memory; nothing is changed before."""
+    solver = SolverMassSpring(finished(5))
+    for n in (3, 6):
+        state = finished(n).state()
+        state.particle_q.fill_(7.0)
+        sentence = f"State.particle_q must have shape (25,), got ({n * n},)."
+        assert refusal(solver.reset, state) == sentence
+        assert (state.particle_q.numpy() == 7.0).all()
+    assert refusal(solver.reset, None) == "state must be a newton.State, got NoneType."
+    assert refusal(solver.reset, newton.State()) == "State.particle_q must be a warp.array, got NoneType."
