@@ -1,6 +1,7 @@
 """What SolverMassSpring refuses in one sentence: states of another model, and other things than it asks for."""
 
 import newton
+import numpy as np
 import pytest
 
 import warpcloth as wc
@@ -34,3 +35,29 @@ def test_reset_refuses_what_is_no_state_of_the_model():
         assert (state.particle_q.numpy() == 7.0).all()
     assert refusal(solver.reset, None) == "state must be a newton.State, got NoneType."
     assert refusal(solver.reset, newton.State()) == "State.particle_q must be a warp.array, got NoneType."
+
+
+@pytest.mark.parametrize("kind", [int, np.int64])
+def test_flags_may_be_combined(kind):
+    """Newton's flags are an IntEnum, of which combinations are ints."""
+    model, flags = finished(), newton.StateFlags
+    solver, state = SolverMassSpring(model), model.state()
+    for wanted, put_back in (
+        (flags.PARTICLE | flags.JOINT, True),
+        (flags.JOINT | flags.BODY, False),
+        (~flags.JOINT, True),
+    ):
+        state.particle_q.fill_(7.0)
+        solver.reset(state, flags=kind(wanted))
+        np.testing.assert_array_equal(state.particle_q.numpy(), model.particle_q.numpy() if put_back else 7.0)
+
+
+@pytest.mark.parametrize("flags", [2.5, "PARTICLE", True, np.True_, [1]])
+def test_flags_that_are_no_integers_are_refused(flags):
+    model = finished()
+    solver, state = SolverMassSpring(model), model.state()
+    got = f"got {flags!r}."
+    sentence = f"Flags must be an integer, such as newton.StateFlags.PARTICLE, {got}"
+    assert refusal(solver.reset, state, flags=flags) == sentence
+    sentence = f"Flags must be an integer, such as newton.ModelFlags.MODEL_PROPERTIES, {got}"
+    assert refusal(solver.notify_model_changed, flags) == sentence

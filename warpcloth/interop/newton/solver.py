@@ -1,9 +1,11 @@
 """A Newton solver for particles and springs, with any of our integrators."""
 
+import operator
 from collections.abc import Mapping
 from typing import Any
 
 import newton
+import numpy as np
 import warp as wp
 from newton import ModelFlags, StateFlags
 
@@ -109,17 +111,19 @@ class SolverMassSpring(newton.solvers.SolverBase):
         Args:
             state: the state, changed in place.
             world_mask: which worlds, bool, shape [world_count + 1], the last for particles of no world; None: all.
-            flags: which of ``PARTICLE_Q`` and ``PARTICLE_QD`` to put back; None: both. Memory is forgotten regardless.
+            flags: which of ``PARTICLE_Q`` and ``PARTICLE_QD`` to put back, as any combination of Newton's flags; None:
+                both. Memory is forgotten regardless.
 
         Raises:
-            InputError: the state is none of this model, or the mask has another shape, dtype or device.
+            InputError: the state is none of this model, the mask has another shape, dtype or device, or flags are no
+                integer.
         """
         now = self._particles(state, "state")
         count, network = self.model.world_count + 1, self.network
         if world_mask is None:
             world_mask = wp.ones(count, dtype=wp.bool, device=network.device)
         mask = validate.device_array(world_mask, "world_mask", wp.bool, (count,), network.device)
-        wanted = StateFlags.ALL if flags is None else StateFlags(flags)
+        wanted = StateFlags.ALL if flags is None else _bits(flags, "newton.StateFlags.PARTICLE")
         mask = network.local_mask(mask)
         for flag, start, array in (
             (StateFlags.PARTICLE_Q, network.particle_q, now.particle_q),
@@ -134,8 +138,11 @@ class SolverMassSpring(newton.solvers.SolverBase):
 
         Graphs that have been captured go on with what has changed, but where the first damping comes or the last goes:
         then capture anew. What the scheme remembers stays.
+
+        Raises:
+            InputError: flags are no integer.
         """
-        if flags & ModelFlags.MODEL_PROPERTIES:
+        if _bits(flags, "newton.ModelFlags.MODEL_PROPERTIES") & ModelFlags.MODEL_PROPERTIES:
             self.network.refresh()
             self.forces.prepare()
             self.integrator.prepare()
@@ -196,6 +203,16 @@ class SolverMassSpring(newton.solvers.SolverBase):
         wp.copy(self._planes.count, contacts.soft_contact_count)
         self._planes.list_all()
         return self._planes
+
+
+def _bits(flags: Any, example: str) -> int:
+    """Newton's flags as an int, which combinations of them are."""
+    try:
+        if isinstance(flags, bool | np.bool_):
+            raise TypeError
+        return operator.index(flags)
+    except TypeError:
+        raise InputError(f"Flags must be an integer, such as {example}, got {validate.shown(flags)}.") from None
 
 
 def _pass_bodies(state_in: newton.State, state_out: newton.State) -> None:
