@@ -3,9 +3,10 @@
 import newton
 import numpy as np
 import pytest
+import warp as wp
 
 import warpcloth as wc
-from warpcloth.errors import InputError
+from warpcloth.errors import InputError, NotDifferentiableError
 from warpcloth.interop.newton import SolverMassSpring, add_cloth
 
 
@@ -61,3 +62,28 @@ def test_flags_that_are_no_integers_are_refused(flags):
     assert refusal(solver.reset, state, flags=flags) == sentence
     sentence = f"Flags must be an integer, such as newton.ModelFlags.MODEL_PROPERTIES, {got}"
     assert refusal(solver.notify_model_changed, flags) == sentence
+
+
+def test_a_tape_that_wants_gradients_is_told_that_there_are_none():
+    """Else they would be 0; whatever it is that requires them, and nothing has been done before."""
+    plain, stiff, differentiable = finished(), finished(), finished(requires_grad=True)
+    stiff.spring_stiffness.requires_grad = True
+    for model, state in (
+        (differentiable, differentiable.state()),
+        (differentiable, differentiable.state(requires_grad=False)),
+        (plain, plain.state(requires_grad=True)),
+        (stiff, stiff.state()),
+    ):
+        solver, later = SolverMassSpring(model), model.state()
+        with wp.Tape() as tape, pytest.raises(NotDifferentiableError, match=r"^SolverMassSpring has no gradients, but"):
+            solver.step(state, later, None, None, 1e-3)
+        assert not tape.launches
+        solver.step(state, later, None, None, 1e-3)
+
+
+def test_a_tape_that_wants_no_gradients_may_record():
+    model = finished()
+    solver, now, later = SolverMassSpring(model), model.state(), model.state()
+    with wp.Tape():
+        solver.step(now, later, None, None, 1e-3)
+    assert later.particle_q.numpy()[:, 2].max() < 1.0

@@ -11,7 +11,7 @@ from newton import ModelFlags, StateFlags
 
 from ... import stability, validate
 from ...contact import ContactPlanes
-from ...errors import InputError
+from ...errors import InputError, NotDifferentiableError
 from ...forces import AppliedForce, Forces, Springs
 from ...integrators import make_integrator
 from ...stability import MAX_SUBSTEPS
@@ -30,7 +30,7 @@ class SolverMassSpring(newton.solvers.SolverBase):
 
     Not simulated: triangles, edges and tetrahedra (only springs hold particles together), contacts of edges and faces,
     contact among particles, ``particle_max_velocity``. Bodies and joints are left where they are: they move cloth but
-    are not moved by it.
+    are not moved by it. Steps have no gradients; where a tape would want them, :meth:`step` says so.
 
     Args:
         model: the Newton model.
@@ -84,12 +84,14 @@ class SolverMassSpring(newton.solvers.SolverBase):
 
         Raises:
             InputError: dt is not a positive number, or arrays of the states do not fit the model.
+            NotDifferentiableError: a tape records, and something of the model or of ``state_in`` requires gradients.
         """
         self.validate_observables(observables, contacts)
         dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
         now, end = self._particles(state_in, "state_in"), self._particles(state_out, "state_out")
         if now.particle_q.ptr == end.particle_q.ptr:
             raise InputError("state_in and state_out must be two states, got one and the same.")
+        _check_no_gradients(self.model, state_in)
         self._applied.force = self._array(state_in.particle_f, "state_in.particle_f")
         self.network.refresh_flags()
         planes = None if contacts is None else self._listed(state_in, contacts)
@@ -203,6 +205,19 @@ class SolverMassSpring(newton.solvers.SolverBase):
         wp.copy(self._planes.count, contacts.soft_contact_count)
         self._planes.list_all()
         return self._planes
+
+
+def _check_no_gradients(model: newton.Model, state: newton.State) -> None:
+    """A tape would go back through the step without a word, and find gradients of 0."""
+    runtime: Any = wp._src.context.runtime
+    if runtime.tape is None:
+        return
+    arrays = (*vars(model).values(), *vars(state).values())
+    if model.requires_grad or any(isinstance(array, wp.array) and array.requires_grad for array in arrays):
+        raise NotDifferentiableError(
+            "SolverMassSpring has no gradients, but a tape records and the model or state_in requires them; step "
+            "outside the tape, or take derivatives of a warpcloth.Simulation with warpcloth.gradients.Rollout."
+        )
 
 
 def _bits(flags: Any, example: str) -> int:
