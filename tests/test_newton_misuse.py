@@ -87,3 +87,11 @@ def test_a_tape_that_wants_no_gradients_may_record():
     with wp.Tape():
         solver.step(now, later, None, None, 1e-3)
     assert later.particle_q.numpy()[:, 2].max() < 1.0
+
+
+@pytest.mark.parametrize("contacts", [3, newton.Contacts, []])
+def test_contacts_that_are_none_are_refused(contacts):
+    model = finished()
+    call = SolverMassSpring(model).step
+    sentence = f"Contacts must be newton.Contacts or None, got {type(contacts).__name__}."
+    assert refusal(call, model.state(), model.state(), None, contacts, 1e-3) == sentence

@@ -83,9 +83,11 @@ class SolverMassSpring(newton.solvers.SolverBase):
         Launches kernels only (unless the scheme is adaptive), once there have been contacts of that size before.
 
         Raises:
-            InputError: dt is not a positive number, or arrays of the states do not fit the model.
+            InputError: dt is not a positive number, contacts are none, or arrays of the states do not fit the model.
             NotDifferentiableError: a tape records, and something of the model or of ``state_in`` requires gradients.
         """
+        if not isinstance(contacts, newton.Contacts | None):
+            raise InputError(f"Contacts must be newton.Contacts or None, got {type(contacts).__name__}.")
         self.validate_observables(observables, contacts)
         dt = validate.number(dt, "dt", above=0.0, maximum=1e3)
         now, end = self._particles(state_in, "state_in"), self._particles(state_out, "state_out")
