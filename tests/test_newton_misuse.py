@@ -95,3 +95,14 @@ def test_contacts_that_are_none_are_refused(contacts):
     call = SolverMassSpring(model).step
     sentence = f"Contacts must be newton.Contacts or None, got {type(contacts).__name__}."
     assert refusal(call, model.state(), model.state(), None, contacts, 1e-3) == sentence
+
+
+def test_bodies_of_another_model_are_refused_before_anything_is_done():
+    """Contacts of those that are missing would be read from no memory, and of more bodies some passed on."""
+    model, more, without = finished(bodies=1), finished(bodies=3).state(), finished().state()
+    step, own = SolverMassSpring(model).step, model.state()
+    before = own.particle_q.numpy().copy()
+    for state, got in ((more, "have shape (1,), got (3,)."), (without, "be a warp.array, got NoneType.")):
+        assert refusal(step, state, own, None, None, 1e-3) == f"State_in.body_q must {got}"
+        assert refusal(step, own, state, None, None, 1e-3) == f"State_out.body_q must {got}"
+    np.testing.assert_array_equal(own.particle_q.numpy(), before)

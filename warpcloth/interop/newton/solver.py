@@ -65,6 +65,7 @@ class SolverMassSpring(newton.solvers.SolverBase):
         self.world_time = start.world_time
         self._force, self._scratch = start.particle_f, [start.twin(), start.twin()]
         self._planes: ContactPlanes | None = None
+        self._bodies = [name for name in ("body_q", "body_qd", "joint_q", "joint_qd") if getattr(model, name)]
         self._rows = WorldRows(network)
         self._memory = [*self.integrator.memory(), Memory(self.world_time, None)]
 
@@ -93,6 +94,8 @@ class SolverMassSpring(newton.solvers.SolverBase):
         now, end = self._particles(state_in, "state_in"), self._particles(state_out, "state_out")
         if now.particle_q.ptr == end.particle_q.ptr:
             raise InputError("state_in and state_out must be two states, got one and the same.")
+        self._check_bodies(state_in, "state_in")
+        self._check_bodies(state_out, "state_out")
         _check_no_gradients(self.model, state_in)
         self._applied.force = self._array(state_in.particle_f, "state_in.particle_f")
         self.network.refresh_flags()
@@ -102,7 +105,7 @@ class SolverMassSpring(newton.solvers.SolverBase):
             later = end if k + 1 == self.substeps else self._scratch[k % 2]
             self._substep(now, later, h, planes, k * h)
             now = later
-        _pass_bodies(state_in, state_out)
+        self._pass_bodies(state_in, state_out)
 
     def reset(
         self,
@@ -185,6 +188,18 @@ class SolverMassSpring(newton.solvers.SolverBase):
     def _array(self, array: wp.array, what: str) -> wp.array:
         return validate.device_array(array, what, wp.vec3, (self.network.particle_count,), self.network.device)
 
+    def _check_bodies(self, state: newton.State, what: str) -> None:
+        for name in self._bodies:
+            own = getattr(self.model, name)
+            validate.device_array(getattr(state, name), f"{what}.{name}", own.dtype, own.shape, own.device)
+
+    def _pass_bodies(self, state_in: newton.State, state_out: newton.State) -> None:
+        """Bodies and joints end where they began."""
+        for name in self._bodies:
+            start, end = getattr(state_in, name), getattr(state_out, name)
+            if start.ptr != end.ptr:
+                wp.copy(end, start)
+
     def _listed(self, state: newton.State, contacts: newton.Contacts) -> ContactPlanes | None:
         """Newton's contacts of particles as planes; None where there can be none."""
         source, network = self.model, self.network
@@ -230,11 +245,3 @@ def _bits(flags: Any, example: str) -> int:
         return operator.index(flags)
     except TypeError:
         raise InputError(f"Flags must be an integer, such as {example}, got {validate.shown(flags)}.") from None
-
-
-def _pass_bodies(state_in: newton.State, state_out: newton.State) -> None:
-    """Bodies and joints end where they began."""
-    for name in ("body_q", "body_qd", "joint_q", "joint_qd"):
-        start, end = getattr(state_in, name), getattr(state_out, name)
-        if start is not None and end is not None and start.ptr != end.ptr:
-            wp.copy(end, start)
