@@ -116,9 +116,23 @@ def test_worlds_may_differ():
     e.step()
 
 
+class Foreign:
+    """An array of a library that has nothing but DLPack."""
+
+    def __init__(self, array: np.ndarray):
+        self.array = array
+
+    def __dlpack__(self, **options):
+        return self.array.__dlpack__()
+
+    def __dlpack_device__(self):
+        return self.array.__dlpack_device__()
+
+
 def test_actions_of_any_library_are_the_same_actions():
     a = actions(3).astype(np.float32)
     given = [a, a.astype(np.float64), wp.array(a, dtype=wp.vec3, device="cpu"), wp.array(a, dtype=float, device="cpu")]
+    given.append(Foreign(a))
     results = []
     for kind in given:
         e = env()
@@ -140,6 +154,23 @@ def test_actions_that_do_not_fit_are_refused(given, sentence):
     with pytest.raises(InputError) as error:
         env().step(given)
     assert str(error.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        (Foreign(np.zeros((3, 2, 3), np.complex64)), r"got Foreign \(.*complex.*\)\."),
+        (Foreign(np.zeros((), np.float32)), r"got Foreign \(.*\)\."),
+        (Foreign(np.zeros((3, 2, 3), ">f4")), r"got Foreign \(.*byte order\)\."),
+        (Foreign(np.broadcast_to(np.float32(0.0), (3, 2, 3))), r"got Foreign \(.*readonly.*\)\."),
+        (Foreign, r"got type \(.*\)\."),
+    ],
+)
+def test_actions_that_warp_cannot_take_by_dlpack_are_refused(given, reason):
+    """Whatever is raised by Warp, which lacks their dtype, or by the library that they are of."""
+    sentence = r"^Actions must be an array of shape \(3, 2, 3\) that Warp can take by DLPack, "
+    with pytest.raises(InputError, match=sentence + reason + "$"):
+        env().step(given)
 
 
 def test_worlds_that_do_not_match_are_refused():

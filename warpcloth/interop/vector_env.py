@@ -116,7 +116,7 @@ class VectorEnv:
             ``positions`` and ``velocities``.
 
         Raises:
-            InputError: actions of another shape, dtype or device.
+            InputError: actions of another shape, dtype or device, or which Warp cannot take by DLPack.
         """
         if actions is not None:
             self._take(actions)
@@ -134,13 +134,24 @@ class VectorEnv:
     def _take(self, actions: Any) -> None:
         model = self.simulation.model
         if isinstance(actions, wp.array) or (hasattr(actions, "__dlpack__") and not isinstance(actions, np.ndarray)):
-            given: Any = actions if isinstance(actions, wp.array) else wp.from_dlpack(actions)
+            given = actions if isinstance(actions, wp.array) else _by_dlpack(actions, self.action_shape)
             if wp.types.types_equal(given.dtype, model.real) and given.shape == self.action_shape:
                 given = given.contiguous().view(model.vec3)
             shape = self.action_shape[:2]
             wp.copy(self.actions, validate.device_array(given, "actions", model.vec3, shape, model.device))
         else:
             self.actions.assign(validate.array(actions, "actions", self.action_shape))
+
+
+def _by_dlpack(actions: Any, shape: tuple[int, ...]) -> Any:
+    try:
+        return wp.from_dlpack(actions)
+    except Exception as error:  # whatever the other library or Warp raise, as of dtypes that Warp does not have
+        reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        raise InputError(
+            f"Actions must be an array of shape {shape} that Warp can take by DLPack, got {type(actions).__name__} "
+            f"({reason})."
+        ) from None
 
 
 def _check_alike(particles: list[int]) -> None:
