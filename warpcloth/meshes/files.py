@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import MeshError
-from .choose import Part, chosen
+from .choose import SHOWN, Part, chosen
 from .gltf import Y_UP_TO_Z_UP, gltf_texture, with_texture_attribute
 from .trianglemesh import TriangleMesh
 
@@ -46,13 +46,18 @@ def read_with_trimesh(path: Path, prim: str | None, join: bool) -> TriangleMesh:
 
 
 def mesh_of_scene(scene: Any, name: str, prim: str | None, join: bool, axes: np.ndarray) -> TriangleMesh:
-    """The chosen meshes of a ``trimesh.Scene``, placed by its graph and then by ``axes``."""
+    """The chosen meshes of a ``trimesh.Scene``, placed by its graph and then by ``axes``.
+
+    Raises:
+        MeshError: when its nodes form a circle, or it holds several meshes and none is chosen.
+    """
     groups: dict[str, list[tuple[Any, np.ndarray]]] = defaultdict(list)
     for node in scene.graph.nodes_geometry:
+        upwards = _upwards(scene.graph, node, name)  # first, as in a circle there is no matrix
         matrix, key = scene.graph.get(node)
         geometry = scene.geometry[key]
         if hasattr(geometry, "faces") and len(geometry.faces):
-            groups[_path(scene.graph, node, geometry)].append((geometry, axes @ matrix))
+            groups[_path(upwards, geometry)].append((geometry, axes @ matrix))
     parts = [Part(path, partial(_joined, group, path)) for path, group in groups.items()]
     if len(parts) == 1 and prim is None:
         return TriangleMesh.joined([parts[0].read()], name)
@@ -70,14 +75,21 @@ def mesh_of_trimesh(mesh: Any, name: str) -> TriangleMesh:
     return TriangleMesh(points, faces, np.array(uvs, float)[:, :2], faces, name)
 
 
-def _path(graph: Any, node: str, geometry: Any) -> str:
-    """Path of a mesh in the scene graph. trimesh adds a node of random name for each part of a glTF mesh: left out."""
+def _upwards(graph: Any, node: str, name: str) -> list[str]:
+    """A node of the scene graph and those above it, up to the base, which is left out."""
     parents, names = graph.transforms.parents, [node]
-    while names[-1] in parents and parents[names[-1]] != graph.base_frame:
-        names.append(parents[names[-1]])
-    if geometry.metadata.get("from_gltf_primitive") and len(names) > 1:
-        del names[0]
-    return "/" + "/".join(reversed(names))
+    while (above := parents.get(names[-1])) not in (None, graph.base_frame):
+        if above in names:
+            circle = ", ".join(repr(each) for each in names[names.index(above) :][:SHOWN])
+            raise MeshError(f"'{name}' cannot be read: its nodes form a circle ({circle}), but must form a tree.")
+        names.append(above)
+    return names
+
+
+def _path(upwards: list[str], geometry: Any) -> str:
+    """Path of a mesh in the scene graph. trimesh adds a node of random name for each part of a glTF mesh: left out."""
+    part = geometry.metadata.get("from_gltf_primitive") and len(upwards) > 1
+    return "/" + "/".join(reversed(upwards[1:] if part else upwards))
 
 
 def _joined(group: list[tuple[Any, np.ndarray]], path: str) -> TriangleMesh:

@@ -22,7 +22,8 @@ def with_texture_attribute(path: Path) -> io.BytesIO:
     """The file with each TEXCOORD_0 also under the name ``TEXTURE``; origin at the upper left, as glTF has it.
 
     Raises:
-        MeshError: when it holds a mesh in a sparse accessor, of which trimesh reads all but what makes it sparse.
+        MeshError: when it holds what trimesh would read in part: a node below two others, which it puts below one of
+            them, or a mesh in a sparse accessor, of which it reads all but what makes it sparse.
         ValueError, KeyError, …: when the file is not glTF.
     """
     content = path.read_bytes()
@@ -52,6 +53,7 @@ def gltf_texture(mesh: Any) -> np.ndarray | None:
 
 def _renamed(text: bytes, file: str) -> bytes:
     tree = json.loads(text)
+    _refuse_second_parents(tree.get("nodes", []), file)
     for number, mesh in enumerate(tree.get("meshes", [])):
         for primitive in mesh["primitives"]:
             _refuse_sparse(primitive, tree, f"The mesh file '{file}' holds mesh {mesh.get('name', number)!r}")
@@ -59,6 +61,18 @@ def _renamed(text: bytes, file: str) -> bytes:
             if "TEXCOORD_0" in attributes:
                 attributes[TEXTURE] = attributes["TEXCOORD_0"]
     return json.dumps(tree).encode()
+
+
+def _refuse_second_parents(nodes: list[dict[str, Any]], file: str) -> None:
+    parents: dict[int, int] = {}
+    for number, node in enumerate(nodes):
+        for child in node.get("children", []):
+            first = parents.setdefault(child, number)
+            if first != number:
+                below, one, other = (repr(nodes[each].get("name", each)) for each in (child, first, number))
+                raise MeshError(
+                    f"The mesh file '{file}' has node {below} below both {one} and {other}, but nodes must form a tree."
+                )
 
 
 def _refuse_sparse(primitive: dict[str, Any], tree: dict[str, Any], where: str) -> None:
