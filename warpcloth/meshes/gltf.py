@@ -1,5 +1,6 @@
 """What glTF needs besides trimesh: its axes, and texture coordinates, which trimesh keeps only beside loaded images."""
 
+import importlib.util
 import io
 import json
 import struct
@@ -13,6 +14,14 @@ from ..errors import MeshError
 TEXTURE = "_WARPCLOTH_ST"  # trimesh hands attributes that begin with an underscore through
 Y_UP_TO_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
+# How the extensions begin that a file may require: they change how a mesh looks, not its shape, or trimesh reads them.
+_READ_EXTENSIONS = (
+    "KHR_mesh_quantization",
+    *("KHR_materials_", "ADOBE_materials_", "NV_materials_", "KHR_techniques_webgl"),
+    *("KHR_texture_", "EXT_texture_", "GOOGLE_texture_", "MSFT_texture_", "MSFT_packing_"),
+    *("KHR_lights_", "EXT_lights_", "KHR_animation_pointer", "KHR_xmp"),
+)
+_DRACO = "KHR_draco_mesh_compression"
 _READ = ("POSITION", "TEXCOORD_0", "indices")
 _HEADER = struct.Struct("<4sII")  # magic, version, length
 _CHUNK = struct.Struct("<I4s")  # length, type
@@ -22,8 +31,9 @@ def with_texture_attribute(path: Path) -> io.BytesIO:
     """The file with each TEXCOORD_0 also under the name ``TEXTURE``; origin at the upper left, as glTF has it.
 
     Raises:
-        MeshError: when it holds what trimesh would read in part: a node below two others, which it puts below one of
-            them, or a mesh in a sparse accessor, of which it reads all but what makes it sparse.
+        MeshError: when it needs an extension that trimesh does not read, such as a compression, or holds what trimesh
+            would read wrongly: a node below two others, which it puts below one of them, or a mesh in a sparse
+            accessor, of which it reads all but what makes it sparse, or in fractions noted as whole numbers.
         ValueError, KeyError, …: when the file is not glTF.
     """
     content = path.read_bytes()
@@ -53,14 +63,26 @@ def gltf_texture(mesh: Any) -> np.ndarray | None:
 
 def _renamed(text: bytes, file: str) -> bytes:
     tree = json.loads(text)
+    _refuse_extensions(tree.get("extensionsRequired", []), file)
     _refuse_second_parents(tree.get("nodes", []), file)
     for number, mesh in enumerate(tree.get("meshes", [])):
         for primitive in mesh["primitives"]:
-            _refuse_sparse(primitive, tree, f"The mesh file '{file}' holds mesh {mesh.get('name', number)!r}")
+            _refuse_accessors(primitive, tree, f"The mesh file '{file}' holds mesh {mesh.get('name', number)!r}")
             attributes = primitive["attributes"]
             if "TEXCOORD_0" in attributes:
                 attributes[TEXTURE] = attributes["TEXCOORD_0"]
     return json.dumps(tree).encode()
+
+
+def _refuse_extensions(required: list[str], file: str) -> None:
+    for name in required:
+        if name.startswith(_READ_EXTENSIONS) or (name == _DRACO and importlib.util.find_spec("DracoPy")):
+            continue
+        if name.endswith("_compression"):
+            how, rule = f"is compressed with {name}", "compression"
+        else:
+            how, rule = f"needs the glTF extension {name}", "it"
+        raise MeshError(f"The mesh file '{file}' {how}, which is not read here; export it without {rule}.")
 
 
 def _refuse_second_parents(nodes: list[dict[str, Any]], file: str) -> None:
@@ -75,10 +97,17 @@ def _refuse_second_parents(nodes: list[dict[str, Any]], file: str) -> None:
                 )
 
 
-def _refuse_sparse(primitive: dict[str, Any], tree: dict[str, Any], where: str) -> None:
-    """What only lists its differences from other values, or from zeros: trimesh would take these for the values."""
+def _refuse_accessors(primitive: dict[str, Any], tree: dict[str, Any], where: str) -> None:
+    """What only lists its differences from other values, or from zeros: trimesh would take these for the values.
+
+    And points of which each number is to be divided by the largest of its type, which trimesh does not do.
+    """
     for name, accessor in {**primitive["attributes"], "indices": primitive.get("indices")}.items():
-        if name in _READ and accessor is not None and "sparse" in tree["accessors"][accessor]:
+        if name not in _READ or accessor is None:
+            continue
+        if "sparse" in tree["accessors"][accessor]:
             raise MeshError(
                 f"{where} in part in a sparse accessor ({name}), which is not read; export it without these."
             )
+        if name == "POSITION" and tree["accessors"][accessor].get("normalized"):
+            raise MeshError(f"{where} in normalized numbers (POSITION), which are not read; export it unquantized.")
