@@ -205,3 +205,49 @@ def test_units_that_are_none_are_refused(tmp_path, key, value, words):
     stage.Save()
     with pytest.raises(MeshError, match=f"The USD file 'sheet.usda' cannot be used: {words}"):
         read_mesh(tmp_path / "sheet.usda")
+
+
+def referring(kind):
+    """Makes a prim, or the stage, refer to a file."""
+
+    def refer(prim, file):
+        if kind == "sublayer":
+            prim.GetStage().GetRootLayer().subLayerPaths.append(file)
+        elif kind == "reference":
+            prim.GetReferences().AddReference(file)
+        else:
+            prim.GetPayloads().AddPayload(file)
+
+    return refer
+
+
+@pytest.mark.parametrize("kind", ["reference", "payload", "sublayer"])
+def test_what_a_mesh_file_refers_to_must_be_there(tmp_path, capfd, kind):
+    """Part of an obstacle would be missing, and things would fall through where it was."""
+    stage, _ = write_usd(tmp_path / "hall.usda")
+    referring(kind)(stage.DefinePrim("/world/roof"), "./roof.usda")
+    stage.Save()
+    capfd.readouterr()
+    with pytest.raises(
+        MeshError, match=r"^The USD file 'hall.usda' is incomplete: could not .*roof.usda@.*\.$"
+    ) as caught:
+        read_mesh(tmp_path / "hall.usda", join=True)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr().err == ""
+    with pytest.raises(MeshError, match="is incomplete"):
+        read_mesh(tmp_path / "hall.usda", prim="/world/roof")
+    roof, _ = write_usd(tmp_path / "roof.usda")
+    roof.SetDefaultPrim(roof.GetPrimAtPath("/world"))
+    roof.Save()
+    assert len(read_mesh(tmp_path / "hall.usda", join=True).points) == (4 if kind == "sublayer" else 8)
+
+
+@pytest.mark.parametrize("prim", ["/world/sheet", "/world/sheet/"])
+def test_a_chosen_mesh_needs_nothing_but_its_own_parts(tmp_path, prim):
+    stage, _ = write_usd(tmp_path / "hall.usda")
+    stage.DefinePrim("/world/roof").GetReferences().AddReference("./roof.usda")
+    stage.Save()
+    assert len(read_mesh(tmp_path / "hall.usda", prim=prim).points) == 4
+    for name in ("/world", "/", "sheet"):
+        with pytest.raises(MeshError, match=r"'hall.usda' is incomplete: could not open asset"):
+            read_mesh(tmp_path / "hall.usda", prim=name)

@@ -8,9 +8,10 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpcloth.errors import UsdError
+from warpcloth.meshes.stage_parts import incomplete
 from warpcloth.meshes.stage_units import si_matrix
 
-from ..usd.opening import frame_rate, incomplete, open_stage
+from ..usd.opening import frame_rate, open_stage
 from ..usd.value_types import refuse_other_types
 from .notes import NOTES, agree, plain
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from pxr import Usd, UsdValidation
 
-from .opening import incomplete
+from ...meshes.stage_parts import incomplete
 from .paths import shot_of_cache
 from .stage import ASSET, PROVENANCE
 

@@ -47,16 +47,6 @@ def open_stage(path: str | os.PathLike) -> Usd.Stage:
     return stage
 
 
-def incomplete(stage: Usd.Stage) -> str | None:
-    """What the stage refers to and OpenUSD did not find or could not use; None: it has everything."""
-    errors = stage.GetCompositionErrors()
-    if not errors:
-        return None
-    text = " ".join(str(errors[0]).split()).rstrip(".")
-    more = f" (and {len(errors) - 1} more such problems)" if len(errors) > 1 else ""
-    return f"{text[:1].lower()}{text[1:]}{more}"
-
-
 def frame_rate(stage: Usd.Stage) -> float:
     """Frames per second: as the stage says, or else one frame for each time code."""
     said = stage.HasAuthoredMetadata("framesPerSecond")

@@ -13,6 +13,7 @@ from ..errors import MeshError
 from ..validate import is_utf8
 from .check import refuse_non_finite
 from .choose import Part, chosen
+from .stage_parts import incomplete
 from .stage_units import si_matrix, unit_fault
 from .trianglemesh import TriangleMesh
 from .triangulate import triangulate, without_holes
@@ -27,7 +28,8 @@ def read_usd(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     out, unless there are no others or ``prim`` names one.
 
     Raises:
-        MeshError: when the file cannot be read or has no usable units, or holds several meshes and none is chosen.
+        MeshError: when the file cannot be read, has no usable units, or refers to what is not there, of which the mesh
+            may be part, or when it holds several meshes and none is chosen.
     """
     collected = UsdUtils.CoalescingDiagnosticDelegate()  # keeps warnings about damaged files off stderr
     try:
@@ -48,6 +50,9 @@ def _chosen(path: Path, prim: str | None, join: bool) -> TriangleMesh:
     fault = unit_fault(stage)
     if fault:
         raise MeshError(f"The USD file '{path.name}' cannot be used: {fault}.")
+    missing = incomplete(stage, prim and prim.rstrip("/"))
+    if missing:
+        raise MeshError(f"The USD file '{path.name}' is incomplete: {missing}.")
     cache = UsdGeom.XformCache(TIME)
     parts, shown = [], []
     for mesh, matrix in _meshes_below(stage.GetPseudoRoot(), cache):
