@@ -21,6 +21,7 @@ from ..usd.stage import ASSET, PROVENANCE, new_stage, with_provenance
 from ..usd.writer import check_rate
 from .cloth_over import ClothOver, single_out
 from .network import NetworkOver
+from .packing import refuse_unpackable
 from .shot import Shot
 
 COLLISION_API = "PhysicsCollisionAPI"
@@ -42,8 +43,8 @@ class ShotWriter(FrameWriter):
         frames: how many are to come after the first.
 
     Raises:
-        UsdError: when nothing can be written to ``path``, when that is one of the files that the stage consists of, or
-            when one of the frames cannot be written to the stage.
+        UsdError: when nothing can be written to ``path``, when that is one of the files that the stage consists of,
+            when the stage cannot be packed as asked for, or when one of the frames cannot be written to the stage.
     """
 
     def __init__(self, path: str | os.PathLike, shot: Shot, fps: float, provenance: Mapping[str, Any], frames: int = 0):
@@ -51,6 +52,8 @@ class ShotWriter(FrameWriter):
         self._target = output_target(path)
         cache = Target(cache_of_shot(self._target))
         spare((self._target.final, cache.final), layer_files(shot.stage), f"stage {shot.path.name}")
+        if self._target.final.suffix == ".usdz":
+            refuse_unpackable(shot.stage, shot.path.name, self._target.final.name)
         self._shot = shot
         rate = shot.stage.GetTimeCodesPerSecond()
         clock = Clock(shot.start, rate / fps)
