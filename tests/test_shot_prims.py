@@ -48,6 +48,24 @@ def test_what_no_picture_shows_is_no_collider_unless_there_is_no_other(tmp_path,
     assert obstacles(path, "/World/Body") == ["Skin", "Other"]
 
 
+@pytest.mark.parametrize("kind", ["cloth", "collider"])
+def test_inactive_prims_are_said_to_be_inactive(tmp_path, stage, kind):
+    """They were said not to be there, with their own neighbours as what may be meant."""
+    add_mesh(stage, "/World/Rack/Scarf")
+    for path, words in (
+        ("/World/Rack/Scarf", "Prim /World/Rack/Scarf in shot.usda is inactive and takes part in nothing; activate it"),
+        ("/World/Rack", "In shot.usda, /World/Rack above /World/Rack/Scarf is inactive and takes part in nothing; act"),
+    ):
+        stage.GetPrimAtPath(path).SetActive(False)
+        stage.Save()
+        with pytest.raises(UsdError, match=f"^{words}"):
+            read_shot(tmp_path / "shot.usda", **{"cloth": ["/World/Shirt"], kind: ["/World/Rack/Scarf"]})
+    stage.GetPrimAtPath("/World/Rack").SetActive(True)
+    stage.GetPrimAtPath("/World/Rack/Scarf").SetActive(True)
+    stage.Save()
+    read_shot(tmp_path / "shot.usda", **{"cloth": ["/World/Shirt"], kind: ["/World/Rack/Scarf"]})
+
+
 def test_a_collider_that_is_no_shape_stands_for_those_below_it(tmp_path, stage):
     """Cloth fell past them, without a word."""
     body = stage.GetPrimAtPath(add_body(stage, "Skin", "Other")[0].GetPath().GetParentPath())

@@ -65,7 +65,7 @@ def prim_at(stage: Usd.Stage, path: str, file: str) -> Usd.Prim:
     """The prim at a path that a user has given.
 
     Raises:
-        UsdError: there is none, and the message has the closest path; or it is abstract.
+        UsdError: there is none, and the message has the closest path; or it is abstract or inactive.
     """
     prim = stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
     if prim and prim.IsAbstract():
@@ -73,10 +73,21 @@ def prim_at(stage: Usd.Stage, path: str, file: str) -> Usd.Prim:
         raise UsdError(f"Prim {path} in {file} is or belongs to a class, which is nowhere itself; {rule}.")
     if prim and prim.IsActive() and not prim.IsPseudoRoot():
         return prim
+    off = _inactive(stage, path)
+    if off:
+        what = f"Prim {path} in {file} is inactive" if off == path else f"In {file}, {off} above {path} is inactive"
+        raise UsdError(f"{what} and takes part in nothing; activate it or name another prim.")
     every = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
     known = [str(prim.GetPath()) for prim in every if not prim.IsPseudoRoot()]
     close = get_close_matches(path, known, n=1, cutoff=0.5)
     raise UsdError(f"There is no prim {path} in {file}" + (f"; did you mean {close[0]}?" if close else "."))
+
+
+def _inactive(stage: Usd.Stage, path: str) -> str | None:
+    """Path of the inactive prim that is at a path, or above it: OpenUSD does not know what is below that."""
+    places = Sdf.Path(path).GetPrefixes() if Sdf.Path.IsValidPathString(path) else []
+    prims = [stage.GetPrimAtPath(place) for place in places]
+    return next((str(prim.GetPath()) for prim in prims if prim and not prim.IsActive()), None)
 
 
 def is_scattered(prim: Usd.Prim) -> bool:
