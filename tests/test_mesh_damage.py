@@ -1,5 +1,6 @@
 """Damaged and missing mesh files: each kind of damage has its own sentence."""
 
+import os
 import shutil
 
 import numpy as np
@@ -13,6 +14,8 @@ from warpcloth.cloth import Cloth
 from warpcloth.errors import InputError, MeshError
 from warpcloth.meshes import read_mesh
 
+TRIANGLE = "0 0 0\n1 0 0\n0 1 0\n"
+
 
 @pytest.mark.parametrize(
     ("name", "text", "words"),
@@ -20,6 +23,14 @@ from warpcloth.meshes import read_mesh
         ("a.obj", "", "'a.obj' is empty: it has 0 bytes"),
         ("a.obj", "# nothing", "is empty: it has 0 vertices and 0 faces"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "is empty: it has 3 vertices and 0 faces"),
+        ("a.obj", "o cube\nmtllib a.mtl\n", "is empty: it has 0 vertices and 0 faces"),
+        (
+            "a.obj",
+            f"OFF\n3 1 0\n{TRIANGLE}3 0 1 2\n",
+            "'a.obj' is damaged or not OBJ: no line of it gives a vertex, as",
+        ),
+        ("a.obj", "\0" * 80 + "\1\0\0\0" + "\0\0\200?" * 12 + "\0\0", "'a.obj' is damaged or not OBJ: no line of it"),
+        ("a.obj", "solid a\nfacet normal 0 0 1\nvertex 0 0 0\n", "'a.obj' is damaged or not OBJ: no line of it gives"),
         ("a.obj", "v 0 0\n", "a.obj, line 1: cannot read 'v 0 0'"),
         ("a.obj", "v 0 0 0\nf 1 1\n", "line 2: cannot read 'f 1 1'"),
         ("a.obj", "v 0 0 0\nf 1 x 2\n", "line 2: cannot read 'f 1 x 2'"),
@@ -56,6 +67,14 @@ def test_damaged_files(tmp_path, name, text, words):
     assert str(caught.value).endswith(".")
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_obj_files_in_another_encoding_are_not_said_to_be_empty(tmp_path, encoding):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding=encoding)
+    words = r"no line of it gives a vertex, as 'v 0 0 1' does in UTF-8 text\.$"
+    with pytest.raises(MeshError, match=f"^The mesh file 'a.obj' is damaged or not OBJ: {words}"):
+        read_mesh(tmp_path / "a.obj")
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -90,6 +109,25 @@ def test_missing_files_propose_the_closest_name(tmp_path):
             read_mesh(source)
     with pytest.raises(MeshError, match="cannot be chosen"):
         read_mesh(tmp_path / "shirt.obj", prim="/shirt")
+
+
+def test_links_that_lead_nowhere_are_said_to_be(tmp_path):
+    (tmp_path / "shirt2.obj").write_text("#")  # which nobody means
+    (tmp_path / "shirt.obj").symlink_to("gone.obj")
+    (tmp_path / "ring.obj").symlink_to("ring.obj")
+    for name, target in (("shirt", "gone"), ("ring", "ring")):
+        with pytest.raises(MeshError, match=rf"{name}.obj' is a link that leads nowhere: it says '{target}.obj'\.$"):
+            read_mesh(tmp_path / f"{name}.obj")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_pipes_and_devices_are_no_mesh_files(tmp_path):
+    os.mkfifo(tmp_path / "pipe.obj")
+    for path in (tmp_path / "pipe.obj", os.devnull):
+        with pytest.raises(
+            MeshError, match=rf"^'{path}' is a pipe or device; save the mesh to a file and name that\.$"
+        ):
+            read_mesh(path)
 
 
 FACTORY = trimesh.creation.icosphere(1)

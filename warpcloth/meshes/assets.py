@@ -14,7 +14,7 @@ def resolve_asset(source: Any) -> Path:
     """The file for a path, or for a name like ``"warp:bunny.usd"`` that means an asset of Warp's examples.
 
     Raises:
-        MeshError: when there is no such file; the message proposes the closest name.
+        MeshError: when there is no such file, and the message proposes the closest name; or what is there is none.
     """
     try:
         text = os.fspath(source)
@@ -43,6 +43,10 @@ def _existing(path: Path, text: str, complaint: str) -> Path:
             return path
         if path.is_dir():
             raise MeshError(f"'{text}' is a folder; name a mesh file in it.")
+        if path.exists():
+            raise MeshError(f"'{text}' is a pipe or device; save the mesh to a file and name that.")
+        if path.is_symlink():
+            raise MeshError(f"The mesh file '{text}' is a link that leads nowhere: it says {os.readlink(path)!r}.")
         neighbours = [entry.name for entry in path.parent.iterdir() if entry.is_file()] if path.parent.is_dir() else []
     except OSError as error:
         raise MeshError(f"The mesh file '{text}' cannot be reached: {error.strerror}.") from None

@@ -10,12 +10,14 @@ from .check import refuse_non_finite
 from .trianglemesh import TriangleMesh
 from .triangulate import triangulate
 
+_KEYWORDS = ("v", "vt", "vn", "vp", "f", "l", "p", "g", "o", "s", "mtllib", "usemtl")
+
 
 def read_obj(path: Path) -> TriangleMesh:
     """All faces of an OBJ file as one mesh; groups, objects and materials do not divide it.
 
     Raises:
-        MeshError: naming the line that cannot be read.
+        MeshError: naming the line that cannot be read; or there are no faces, or the file is not OBJ.
     """
     points: list[list[float]] = []
     uvs: list[list[float]] = []
@@ -35,6 +37,9 @@ def read_obj(path: Path) -> TriangleMesh:
             complete = False
         if not complete:
             raise MeshError(f"{path.name}, line {number}: cannot read {' '.join(words)[:60]!r}.")
+    if not points and any(words[0] not in _KEYWORDS for _, words in _lines(path)):
+        rule = "no line of it gives a vertex, as 'v 0 0 1' does in UTF-8 text"
+        raise MeshError(f"The mesh file '{path.name}' is damaged or not OBJ: {rule}.")
     return _mesh(path.stem, points, uvs, counts, np.array(corners, np.int64).reshape(-1, 2))
 
 
@@ -70,7 +75,12 @@ def _from_end(index: int, count: int) -> int:
 
 
 def _statements(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Line numbers and words of "v", "vt" and "f" statements, continuation lines joined."""
+    """Line numbers and words of "v", "vt" and "f" statements."""
+    return ((number, words) for number, words in _lines(path) if words[0] in ("v", "vt", "f"))
+
+
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Numbers and words of lines that have any besides comments, continuation lines joined."""
     try:
         lines = path.read_text(encoding="utf-8-sig", errors="replace").split("\n")
     except OSError as error:
@@ -80,5 +90,5 @@ def _statements(path: Path) -> Iterator[tuple[int, list[str]]]:
         text = pending + line.split("#", 1)[0]
         pending = text.rstrip()[:-1] + " " if text.rstrip().endswith("\\") else ""
         words = text.split()
-        if not pending and words and words[0] in ("v", "vt", "f"):
+        if not pending and words:
             yield number, words
