@@ -99,6 +99,7 @@ def planes_of_contacts(
     shape_body: wp.array(dtype=wp.int32),
     shape_friction: wp.array(dtype=wp.float32),
     shape_margin: wp.array(dtype=wp.float32),
+    particle_count: int,
     particle_friction: wp.float32,
     # State in
     body_q: wp.array(dtype=wp.transform),
@@ -115,12 +116,17 @@ def planes_of_contacts(
     """Newton's soft contacts as planes. Point and velocity are the body's own, so they turn and move with it.
 
     A shape acts as if it were its margin further out, but Newton lists points of the shape itself.
-    The friction of a pair is the mean of both coefficients, as in Newton's own solvers.
+    The friction of a pair is the mean of both coefficients, as in Newton's own solvers. Contacts do not say whose they
+    are: those of particles or shapes that this model does not have, as another one's are, get none.
     """
     row = wp.tid()
     if row >= contact_count[0]:
         return
     shape = contact_shape[row]
+    particle = contact_particle[row]
+    planes_out.particle[row] = -1
+    if particle < 0 or particle >= particle_count or shape < 0 or shape >= shape_body.shape[0]:
+        return
     body = shape_body[shape]
     point = contact_point[row]
     velocity = contact_velocity[row]
@@ -134,7 +140,7 @@ def planes_of_contacts(
         arm = point - wp.transform_point(place, body_com[body])
         turning = wp.cross(wp.spatial_bottom(twist), arm)
         velocity = wp.spatial_top(twist) + turning + wp.transform_vector(place, velocity)
-    planes_out.particle[row] = contact_particle[row]
+    planes_out.particle[row] = particle
     planes_out.point[row] = exact(point)
     planes_out.normal[row] = exact(contact_normal[row])
     planes_out.velocity[row] = exact(velocity)

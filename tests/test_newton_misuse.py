@@ -106,3 +106,22 @@ def test_bodies_of_another_model_are_refused_before_anything_is_done():
         assert refusal(step, state, own, None, None, 1e-3) == f"State_in.body_q must {got}"
         assert refusal(step, own, state, None, None, 1e-3) == f"State_out.body_q must {got}"
     np.testing.assert_array_equal(own.particle_q.numpy(), before)
+
+
+def test_contacts_of_what_the_model_does_not_have_do_nothing():
+    """Contacts do not say whose they are; another model's would be written to no memory."""
+    model = finished(bodies=1)
+    contacts = newton.CollisionPipeline(model).contacts()
+    contacts.soft_contact_count.fill_(3)
+    contacts.soft_contact_normal.fill_(wp.vec3(0.0, 0.0, 1.0))
+    for array, values in (
+        (contacts.soft_contact_particle, [10**8, -7, 0]),
+        (contacts.soft_contact_shape, [0, 0, 10**8]),
+    ):
+        array.assign(np.resize(values, len(array)))
+    ends = []
+    for given in (contacts, None):
+        state, later = model.state(), model.state()
+        SolverMassSpring(model).step(state, later, None, given, 1e-3)
+        ends.append(later.particle_q.numpy())
+    np.testing.assert_array_equal(*ends)

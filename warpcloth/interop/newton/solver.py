@@ -212,9 +212,9 @@ class SolverMassSpring(newton.solvers.SolverBase):
             dim=contacts.soft_contact_max,
             inputs=[
                 source.body_com, source.shape_body, source.shape_material_mu, source.shape_margin,
-                source.soft_contact_mu, state.body_q, state.body_qd, contacts.soft_contact_count,
-                contacts.soft_contact_particle, contacts.soft_contact_shape, contacts.soft_contact_body_pos,
-                contacts.soft_contact_body_vel, contacts.soft_contact_normal,
+                network.particle_count, source.soft_contact_mu, state.body_q, state.body_qd,
+                contacts.soft_contact_count, contacts.soft_contact_particle, contacts.soft_contact_shape,
+                contacts.soft_contact_body_pos, contacts.soft_contact_body_vel, contacts.soft_contact_normal,
             ],
             outputs=[self._planes.planes],
             device=network.device,
