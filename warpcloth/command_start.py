@@ -61,7 +61,7 @@ def _within_import(frame: FrameType | None) -> bool:
 
 def _send_again(number: int) -> None:
     time.sleep(AGAIN)
-    _thread.interrupt_main(number)
+    _thread.interrupt_main(signal.Signals(number))
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
