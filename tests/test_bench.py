@@ -69,7 +69,7 @@ def test_closed_form_of_the_oscillator_is_the_known_answer():
 
 
 def test_reference_of_the_pendulum_is_the_known_answer():
-    truth = reference(PROBLEMS["elastic_pendulum"](), 5.0)
+    truth = reference(PROBLEMS["elastic_pendulum"](), 100.0)  # more than it takes on a busy machine
     (x, _, z), (vx, _, vz) = truth.solution[0][1], truth.solution[1][1]
     assert truth.uncertainty < 1e-8
     assert [x, z, vx, vz] == pytest.approx([0.760241003, -0.664284176, 2.326803297, 2.726887498], abs=2e-8)
@@ -211,7 +211,7 @@ def test_the_budget_holds_where_stable_steps_are_next_to_nothing(tmp_path, monke
     path.write_text(f"frames = 4\n[[cloth]]\n{cloth}fabric = {{ bending_rigidity = 1e-3 }}\n")
     for module, least in (("reference", 2.0), ("work_precision", 0.0)):
         monkeypatch.setattr(f"warpcloth.benchmarks.integrators.{module}.LEAST_TIME", least)
-    selection = select_scene(str(path), ["symplectic_euler", "xpbd"], replace(QUICK, sweep=0.05))
+    selection = select_scene(str(path), ["symplectic_euler", "xpbd"], replace(QUICK, sweep=0.3))
     results = run_suite(selection)
     found = results["problems"][selection.problems[0].name]
     assert found["reference"]["method"].startswith("bdf2")

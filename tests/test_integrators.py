@@ -191,7 +191,7 @@ def test_a_tolerance_that_cannot_be_met_says_what_to_change(name):
     sim = simulation(oscillator(1e3, 0.0, 0.3), name, integrator_options={"max_steps": 5})
     with pytest.raises(StepSizeError, match=r"after 5 steps in 1 s .* raise rtol"):
         sim.step(1.0)
-    with pytest.raises(InputError, match="Rtol must be a number greater than 0"):
+    with pytest.raises(InputError, match=f"^Integrator '{name}': rtol must be a number greater than 0"):
         simulation(oscillator(), name, integrator_options={"rtol": 0.0})
 
 

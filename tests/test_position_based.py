@@ -163,7 +163,7 @@ def test_bad_options():
     cases = [("vbd", "acceleration", 1.0), ("projective_dynamics", "solver", "lu"), ("xpbd", "iterations", 0)]
     cases += [("xpbd", "warm_start", 2.0), ("pbd", "stiffness", 1.1), ("pbd", "bending", -1)]
     for name, option, value in cases:
-        with pytest.raises(wc.errors.InputError, match=option.capitalize()):
+        with pytest.raises(wc.errors.InputError, match=f"^Integrator '{name}': {option} must be "):
             wc.Simulation(model, name, integrator_options={option: value})
 
 

@@ -61,7 +61,10 @@ def _within_import(frame: FrameType | None) -> bool:
 
 def _send_again(number: int) -> None:
     time.sleep(AGAIN)
-    _thread.interrupt_main(signal.Signals(number))
+    if hasattr(signal, "pthread_kill"):  # ends a wait of the main thread, too, by when it has come to one
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        _thread.interrupt_main(signal.Signals(number))
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
