@@ -74,12 +74,16 @@ def _sentence(problem: Mapping[str, Any], whole: str) -> str:
         return _wrong_shape(where, problem["loc"][0], found)
     subject = where or whole
     if kind == "scene_value":
-        # Of a table the phrase says all there is to say; of a single value it helps to see it.
-        said = isinstance(found, Mapping) or not problem["loc"]
-        found_is = f", but {context['but']}" if context["but"] else "" if said else f", not {shown(found)}"
-        return f"{subject} {context['phrase']}{found_is}{context['hint']}"
+        return f"{subject} {context['phrase']}{_unlike(found, problem['loc'], context['but'])}{context['hint']}"
     hint = f"; write [[{where}]] above it" if kind == "list_type" and where in KINDS else _closest(kind, found, context)
     return f"{subject} must be {_wanted(kind, context)}, not {shown(found)}{hint}"
+
+
+def _unlike(found: Any, loc: Sequence[int | str], but: str) -> str:
+    """How a value is not what it must be: of a table the phrase before has said it; a single value it helps to see."""
+    if but:
+        return f", but {but}"
+    return "" if isinstance(found, Mapping) or not loc else f", not {shown(found)}"
 
 
 def _wrong_shape(where: str, table: str, found: Any) -> str:

@@ -5,7 +5,8 @@ from typing import Any
 
 from pxr import Usd, UsdValidation
 
-from ...meshes.stage_parts import incomplete
+from warpcloth.meshes.stage_parts import incomplete
+
 from .paths import shot_of_cache
 from .stage import ASSET, PROVENANCE
 
